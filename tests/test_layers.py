@@ -95,6 +95,9 @@ def imports(name, path, nodes):
             yield from _from(node, package)
         elif isinstance(node, ast.Call) and _is_import_call(node):
             yield from _called(node, package)
+        elif isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "scipy":
+            # SciPy loads its parts when they are first asked for
+            yield f"scipy.{node.attr}"
 
 
 def _from(node, package):

@@ -19,6 +19,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.dynamics import HillProblem, steady_state
@@ -400,11 +401,9 @@ class Taken:
 
     def turns_at(self, time_s: float) -> float:
         """Return the angle of shaft 1 [turns] at a time, straight on beyond the ends."""
-        from scipy.interpolate import make_interp_spline
-
         samples = np.arange(len(self.turns))
         place = time_s * self.recording.sampling_rate_hz
-        return float(make_interp_spline(samples, self.turns, k=1)(place))
+        return float(scipy.interpolate.make_interp_spline(samples, self.turns, k=1)(place))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -451,9 +450,6 @@ class DrawnMachine:
         Taken
             Channels a1, a2, ... [m/s2], and a tachometer of shaft 1 that tells its whole turns.
         """
-        from scipy.interpolate import make_interp_spline
-        from scipy.signal import oaconvolve
-
         rng = np.random.default_rng([setting.seed, 11])
         count = round(setting.duration_s * RATE_HZ)
         # the path has to ring up before the recording begins
@@ -467,8 +463,8 @@ class DrawnMachine:
         path, taps = self.path, np.arange(lead)
         if setting.warmth:
             warmer = np.minimum((1 + setting.warmth) * taps, lead - 1)
-            path = make_interp_spline(taps, path, axis=-1)(warmer)
-        heard = oaconvolve(forces[None], path, mode="valid", axes=-1)
+            path = scipy.interpolate.make_interp_spline(taps, path, axis=-1)(warmer)
+        heard = scipy.signal.oaconvolve(forces[None], path, mode="valid", axes=-1)
         vibration, turns = np.asarray(heard.sum(axis=1)[:, 1:]), turns[lead:]
         vibration += self._tones(condition, turns, vibration, rng)
         for row in vibration:

@@ -167,10 +167,8 @@ def plot_kinds(table: pd.DataFrame, ax: Axes) -> Axes:
 def plot_sizes(table: pd.DataFrame, ax: Axes) -> Axes:
     """Draw the estimated loss of every recording over the true one, with the stated interval."""
     inside = table["size"].between(table["loss_low"], table["loss_high"])
-    for held, colour, label in (
-        (inside, plots.BLUE, "90 % interval holds the true loss"),
-        (~inside, plots.VERMILLION, "it does not"),
-    ):
+    within = inside, plots.BLUE, "90 % interval holds the true loss"
+    for held, colour, label in (within, (~inside, plots.VERMILLION, "it does not")):
         own = table[held].sort_values("loss")
         # those of one loss beside one another
         apart = own.groupby("size").cumcount() - own["size"].map(own["size"].value_counts()) / 2

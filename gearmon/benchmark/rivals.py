@@ -73,10 +73,17 @@ def shooter(case: Case, digits: float) -> Callable[[], Samples]:
 
     damping, period = 2 * case.problem.damping_ratio, 2 * math.pi * case.problem.frequency_ratio
     table = table_of(case)
-    slope, start = _three_slopes(damping, reader(table, period)), (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+    at, start = reader(table, period), (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
     time = np.linspace(0.0, period, max(2, math.ceil(12 * period / math.pi)) + 1)
     share, kappa = time[:-1] / period, table(time[:-1] * (table.x[-1] / period))
     known: dict[str, Any] = {"rtol": 10**-digits, "atol": 10 ** -(digits + 1), "tfirst": True}
+
+    def slope(time: float, state: FloatArray) -> list[float]:
+        """Two free motions and a driven one, in plain numbers."""
+        a, u, b, w, z, v = state.tolist()
+        k = at(time)
+        free = u, -damping * u - k * a, w, -damping * w - k * b
+        return [*free, v, 1.0 - damping * v - k * z]
 
     def shoot() -> Samples:
         *rows, end = odeint(slope, start, time, mxstep=10_000_000, **known)
@@ -85,18 +92,6 @@ def shooter(case: Case, digits: float) -> Callable[[], Samples]:
         return Samples(share, 1.0 - damping * v - kappa * z)
 
     return shoot
-
-
-def _three_slopes(damping: float, at: Read) -> Callable[[float, FloatArray], list[float]]:
-    """Right side of two free motions and a driven one, in plain numbers."""
-
-    def slope(time: float, state: FloatArray) -> list[float]:
-        a, u, b, w, z, v = state.tolist()
-        k = at(time)
-        free = u, -damping * u - k * a, w, -damping * w - k * b
-        return [*free, v, 1.0 - damping * v - k * z]
-
-    return slope
 
 
 def banded_bytes(harmonics: int, highest: int) -> int:

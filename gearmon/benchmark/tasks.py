@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.benchmark.detection_machines import Condition, Setting, draw_machine
@@ -100,23 +101,20 @@ def _timed(
 
 
 def _spectra(count: int, repeats: int) -> list[Row]:
-    from scipy.fft import rfft
-    from scipy.signal import butter, hilbert, sosfiltfilt, welch
-
     samples = np.random.default_rng(0).normal(size=count)
     # 999,983 and 65,521 are primes
     prime = samples[: 999_983 if count > 1 << 18 else 65_521]
     smooth = samples[: len(prime) // 1000 * 1000]
-    sections = butter(4, (0.2, 0.4), btype="bandpass", output="sos")
+    sections = scipy.signal.butter(4, (0.2, 0.4), btype="bandpass", output="sos")
 
     def usual_envelope() -> FloatArray:
-        size = np.abs(hilbert(sosfiltfilt(sections, samples)))
-        return np.asarray(np.abs(rfft(size - size.mean())))
+        size = np.abs(scipy.signal.hilbert(scipy.signal.sosfiltfilt(sections, samples)))
+        return np.asarray(np.abs(scipy.fft.rfft(size - size.mean())))
 
     cases: dict[str, Tasks] = {
         "amplitude spectrum": {
             "amplitude_spectrum": partial(amplitude_spectrum, samples, 1.0),
-            "scipy.fft.rfft": partial(rfft, samples),
+            "scipy.fft.rfft": partial(scipy.fft.rfft, samples),
         },
         "amplitude spectrum of a prime length": {
             "prime length": partial(amplitude_spectrum, prime, 1.0),
@@ -131,7 +129,7 @@ def _spectra(count: int, repeats: int) -> list[Row]:
     for block in (1024, 8192):
         cases[f"power density, blocks of {block}"] = {
             "power_density": partial(power_density, samples, 1.0, block),
-            "scipy.signal.welch": partial(welch, samples, nperseg=block),
+            "scipy.signal.welch": partial(scipy.signal.welch, samples, nperseg=block),
         }
     return [row for case, own in cases.items() for row in _timed(case, own, repeats, 5.0, count)]
 
@@ -506,15 +504,13 @@ def _marched(harvester: InertialHarvester, lines: ComplexArray) -> float:
     The strongest march there is for a linear harvester on a given motion: the exact step between
     samples with the acceleration linear in between, as a recursive filter in compiled code.
     """
-    from scipy.signal import cont2discrete, lfilter
-
     natural = 2 * math.pi * harvester.natural_frequency_hz
     total = harvester.mechanical_damping_ratio + harvester.electrical_damping_ratio
     velocity = ([-1.0, 0.0], [1.0, 2 * total * natural, natural**2])
-    above, below, _ = cont2discrete(velocity, PERIOD_S / STEPS, "foh")
+    above, below, _ = scipy.signal.cont2discrete(velocity, PERIOD_S / STEPS, "foh")
     periods = math.ceil(RING_DOWNS / (total * natural) / PERIOD_S)
     push = np.tile(STEPS * np.fft.irfft(np.append(0j, lines), STEPS), periods)
-    speed = lfilter(np.ravel(above), below, push)[-STEPS:]
+    speed = scipy.signal.lfilter(np.ravel(above), below, push)[-STEPS:]
     damper = 2 * harvester.mass_kg * harvester.electrical_damping_ratio * natural
     return float(damper * np.mean(speed**2))
 

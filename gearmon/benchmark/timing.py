@@ -193,18 +193,17 @@ def measured(listed: Sequence[Contender], most: int, budget_s: float) -> list[Ro
     """
     tasks = {place: one.run for place, one in enumerate(listed) if one.run is not None}
     timed = dict(zip(tasks, interleaved(list(tasks.values()), most, budget_s), strict=True))
-    return [_row(one, timed.get(place)) for place, one in enumerate(listed)]
-
-
-def _row(one: Contender, timing: Timing | None) -> Row:
-    row: Row = {"method": one.method, "setting": one.setting, "wanted": one.wanted}
-    row |= dict.fromkeys(("error", "error_bound", "unknowns", "median_s", "fastest_s", "exponent"))
-    row |= {"sets": one.sets, "note": one.note, "repeats": 0}
-    if timing is None:
-        return row
-    each = timing.median_s / one.sets, timing.fastest_s / one.sets
-    row |= {"median_s": each[0], "fastest_s": each[1], "repeats": timing.repeats}
-    return row | one.judge(timing.result)
+    unknown = dict.fromkeys(("error", "error_bound", "unknowns", "median_s", "fastest_s"))
+    rows = []
+    for place, one in enumerate(listed):
+        row: Row = {"method": one.method, "setting": one.setting, "wanted": one.wanted} | unknown
+        row |= {"exponent": None, "sets": one.sets, "note": one.note, "repeats": 0}
+        if place in timed:
+            median_s, fastest_s, repeats, result = timed[place]
+            row |= {"median_s": median_s / one.sets, "fastest_s": fastest_s / one.sets}
+            row |= {"repeats": repeats} | one.judge(result)
+        rows.append(row)
+    return rows
 
 
 @dataclass(frozen=True, eq=False)

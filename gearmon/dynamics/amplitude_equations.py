@@ -317,16 +317,13 @@ class AmplitudeEquations(Result):
         The states. Pairs (1, n), (-1, -n) are conjugate: their amplitudes are, too.
     small_damping : bool
         Whether damping counts as order one.
-    rate_terms : complex ndarray, shape (K+1, p, p)
-        L_0..L_K [1/s]; L_0 is diagonal and holds the detuning s - i n w.
-    forcing_terms : complex ndarray, shape (K+1, p)
-        b_0..b_K [m/s].
+    rate_terms : complex ndarray, shape (K+1, p, p+1)
+        L_0..L_K [1/s], and in their last column b_0..b_K [m/s]; L_0 is diagonal and holds the
+        detuning s - i n w.
     lines : float ndarray, shape (M,)
         Harmonics n: whole numbers, and halves where the slow states are such.
-    shape_terms : complex ndarray, shape (N+1, M, p)
-        Orders of U [1].
-    forced_terms : complex ndarray, shape (N+1, M)
-        Orders of q [m].
+    shape_terms : complex ndarray, shape (N+1, M, p+1)
+        Orders of U [1], and in their last column of q [m].
     smallest_divisor : float
         Smallest difference of exponents that was divided by, relative to w0. The expansion is
         asymptotic, good for max|phi|/2 well below this.
@@ -336,10 +333,8 @@ class AmplitudeEquations(Result):
     slow: tuple[State, ...]
     small_damping: bool
     rate_terms: Complex
-    forcing_terms: Complex
     lines: Real
     shape_terms: Complex
-    forced_terms: Complex
     smallest_divisor: float
 
     @property
@@ -350,12 +345,12 @@ class AmplitudeEquations(Result):
     @property
     def rate(self) -> Complex:
         """L, all orders [1/s], shape (p, p)."""
-        return np.asarray(self.rate_terms.sum(axis=0), dtype=np.complex128)
+        return np.asarray(self.rate_terms.sum(axis=0)[:, :-1], dtype=np.complex128)
 
     @property
     def forcing(self) -> Complex:
         """b, all orders [m/s], shape (p,)."""
-        return np.asarray(self.forcing_terms.sum(axis=0), dtype=np.complex128)
+        return np.asarray(self.rate_terms.sum(axis=0)[:, -1], dtype=np.complex128)
 
     @property
     def exponents(self) -> Complex:
@@ -387,8 +382,7 @@ class AmplitudeEquations(Result):
 
     def steady_displacement(self) -> Complex:
         """Steady vibration as z_0..z_n [m], whole harmonics."""
-        total = self.forced_terms.sum(axis=0)
-        total += self.shape_terms.sum(axis=0) @ self.steady_amplitudes()
+        total = self.shape_terms.sum(axis=0) @ np.append(self.steady_amplitudes(), 1.0)
         whole: Complex = total[(self.lines >= 0) & (self.lines % 1 == 0)]
         whole[0] = whole[0].real
         return whole
@@ -434,25 +428,17 @@ def amplitude_equations(
     offsets = {n % 1 for _, n in slow}
     if not slow or len(set(slow)) < len(slow) or offsets not in ({0.0}, {0.5}):
         raise ArgumentError(f"slow={slow} must be different states, all on whole or on half lines")
-    coupling = Coupling(
-        ratio=problem.frequency_ratio,
-        zeta=problem.damping_ratio,
-        harmonics=problem.stiffness_harmonics,
-        small_damping=small_damping,
-    )
+    ratio, zeta, c = problem.frequency_ratio, problem.damping_ratio, problem.stiffness_harmonics
+    coupling = Coupling(ratio=ratio, zeta=zeta, harmonics=c, small_damping=small_damping)
     forces = problem.static_forcing(len(problem.force_harmonics_n))
     found = reduce(coupling, slow, order, rate_order, forces, apart)
-    rates = 2 * math.pi * problem.natural_frequency_hz * found.rates[:, :-1]
-    terms = found.states[: order + 1].sum(axis=1)
     return AmplitudeEquations(
         problem=problem,
         slow=tuple(slow),
         small_damping=small_damping,
-        rate_terms=rates[..., :-1],
-        forcing_terms=rates[..., -1],
+        rate_terms=2 * math.pi * problem.natural_frequency_hz * found.rates[:, :-1],
         lines=found.lines,
-        shape_terms=terms[..., :-1],
-        forced_terms=terms[..., -1],
+        shape_terms=found.states[: order + 1].sum(axis=1),
         smallest_divisor=found.smallest_divisor,
     )
 
@@ -639,11 +625,19 @@ class Motion(Result):
 
     def amplitudes(self, time_s: npt.ArrayLike) -> Complex:
         """Slow amplitudes A(t) [m], shape (..., 2): envelope and phase of the modulation."""
-        time = np.asarray(time_s, dtype=float)
+        time, rate = np.asarray(time_s, dtype=float), self.equations.rate
+        middle = complex(np.trace(rate)) / 2
+        apart = rate - middle * np.eye(2)
+        # half the difference of both exponents: the root of the slower one has the positive real
+        # part, so that nothing overflows
+        half = cmath.sqrt(-complex(apart[0, 0] * apart[1, 1] - apart[0, 1] * apart[1, 0]))
+        first, twice = np.exp((middle + half) * time), 2 * half * time
+        safe = np.where(twice == 0, 1.0, twice)
+        share = np.where(twice == 0, 1.0, -np.expm1(-safe) / safe)
+        # e^{Lt} = even + odd (L - middle)
+        even, odd = first * (1 + np.exp(-twice)) / 2, first * time * share
         away = self.start_amplitudes - self.steady_amplitudes
-        even, odd = self._exponential(time)
-        spread = (self.equations.rate - self._middle * np.eye(2)) @ away
-        moved = self.steady_amplitudes + even[..., None] * away + odd[..., None] * spread
+        moved = self.steady_amplitudes + even[..., None] * away + odd[..., None] * (apart @ away)
         return np.asarray(moved, dtype=np.complex128)
 
     def at(self, time_s: npt.ArrayLike, kind: str = "displacement") -> Real:
@@ -671,48 +665,25 @@ class Motion(Result):
         """Lines of z, z' and z'' per amplitude, and without any, shape (M, 3) each."""
         e = self.equations
         rates = np.zeros((3, 3), dtype=complex)
-        rates[:2, :2], rates[:2, 2] = e.rate, e.forcing
+        rates[:2] = e.rate_terms.sum(axis=0)
         turning = 1j * e.problem.angular_frequency * e.lines[:, None]
-        shapes = [np.column_stack([e.shape_terms.sum(axis=0), e.forced_terms.sum(axis=0)])]
+        shapes = [e.shape_terms.sum(axis=0)]
         for _ in range(2):
             shapes.append(turning * shapes[-1] + shapes[-1] @ rates)
         return shapes
 
-    @cached_property
-    def _middle(self) -> complex:
-        return complex(np.trace(self.equations.rate)) / 2
-
-    @cached_property
-    def _half_split(self) -> complex:
-        """Half the difference of both exponents [1/s]."""
-        away = self.equations.rate - self._middle * np.eye(2)
-        return cmath.sqrt(-complex(away[0, 0] * away[1, 1] - away[0, 1] * away[1, 0]))
-
-    def _exponential(self, time: Real) -> tuple[Complex, Complex]:
-        """e^{Lt} = even + odd (L - middle): the two factors."""
-        # the root of the slower exponent has the positive real part: nothing overflows
-        first, twice = np.exp((self._middle + self._half_split) * time), 2 * self._half_split * time
-        safe = np.where(twice == 0, 1.0, twice)
-        share = np.where(twice == 0, 1.0, -np.expm1(-safe) / safe)
-        return first * (1 + np.exp(-twice)) / 2, first * time * share
-
     def _values(self, time: Real, derivative: int) -> Real:
         """Differentiate the displacement at a few times, or for 3 give the mesh force."""
-        e = self.equations
+        e, p = self.equations, self.equations.problem
+        angle = p.angular_frequency * time
         if derivative == KINDS.index("mesh_force"):
-            return self._mesh_force(time)
-        moved = turning(e.problem.angular_frequency * time, e.lines) @ self._shapes[derivative]
+            n = np.arange(1.0, len(p.stiffness_harmonics) + 1)
+            phi = 2 * (turning(angle, n) @ p.stiffness_harmonics).real
+            spring = p.stiffness_n_per_m * (1 + phi) * self._values(time, 0)
+            return np.asarray(spring + p.damping_ns_per_m * self._values(time, 1))
+        moved = turning(angle, e.lines) @ self._shapes[derivative]
         z = (moved[:, :2] * self.amplitudes(time)).sum(axis=1) + moved[:, 2]
         return np.asarray(z.real, dtype=np.float64)
-
-    def _mesh_force(self, time: Real) -> Real:
-        p = self.equations.problem
-        n = np.arange(1.0, len(p.stiffness_harmonics) + 1)
-        phi = 2 * (turning(p.angular_frequency * time, n) @ p.stiffness_harmonics).real
-        stiffness = p.stiffness_n_per_m * (1 + phi)
-        force: Real = stiffness * self._values(time, 0)
-        force += p.damping_ns_per_m * self._values(time, 1)
-        return force
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

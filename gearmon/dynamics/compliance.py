@@ -31,6 +31,7 @@ from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
+import scipy
 
 from gearmon.dynamics.error_bound import Pattern
 from gearmon.dynamics.fourier import (
@@ -143,8 +144,6 @@ def solve_band(stiffness: Complex, harmonics: Complex, right: Complex) -> Comple
     ArgumentError
         If the matrix would not fit in memory; the orders of multiple scales need none.
     """
-    from scipy.linalg import solve_banded
-
     highest = len(right) - 1
     c = harmonics[: 2 * highest]
     width = len(c)
@@ -158,7 +157,7 @@ def solve_band(stiffness: Complex, harmonics: Complex, right: Complex) -> Comple
     bands[width] = np.concatenate([stiffness[:0:-1].conj(), stiffness])
     bands[:width], bands[width + 1 :] = c[::-1].conj()[:, None], c[:, None]
     full = np.concatenate([right[:0:-1].conj(), right])
-    solution: Complex = solve_banded((width, width), bands, full, check_finite=False)
+    solution: Complex = scipy.linalg.solve_banded((width, width), bands, full, check_finite=False)
     return solution[highest:]
 
 
@@ -295,11 +294,8 @@ class SystemCompliance:
         """Bounds of |G| and of acceleration over x, of all lines from one on."""
         sizes, moved, beyond = self._sizes
         physical = 2 * float(np.linalg.norm(self.shapes, 2) * np.linalg.norm(self.meshes, 2))
-        near = float(sizes[line:].max(initial=0.0))
-        return (
-            max(near, beyond / max(line, self.far + 1) ** 2),
-            max(float(moved[line:].max(initial=0.0)), physical),
-        )
+        near, far = float(sizes[line:].max(initial=0.0)), beyond / max(line, self.far + 1) ** 2
+        return max(near, far), max(float(moved[line:].max(initial=0.0)), physical)
 
     def quiet_above(self, level: float) -> int:
         """Line above which |G| <= level for certain."""
@@ -408,22 +404,22 @@ def core_norm(matrices: Complex, c: Complex) -> float:
     rounding of product and factor, below 8 (width + 1) units of the trace, is taken off
     (Higham, Accuracy and Stability of Numerical Algorithms, 2002, theorem 10.3).
     """
-    from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
-
     bands = _normal_bands(matrices, c)
     rounding = 8 * (len(bands) + 1) * UNIT_ROUNDOFF * float(bands[0].real.sum())
     # of all directions something
     vector: Complex = np.exp(1j * np.arange(bands.shape[1]) ** 2)
-    with suppress(LinAlgError):
-        factor = cholesky_banded(bands, lower=True, check_finite=False)
+    with suppress(np.linalg.LinAlgError):
+        factor = scipy.linalg.cholesky_banded(bands, lower=True, check_finite=False)
         for _ in range(ITERATIONS):
             vector /= np.linalg.norm(vector)
-            vector = np.asarray(cho_solve_banded((factor, True), vector), dtype=complex)
+            vector = scipy.linalg.cho_solve_banded((factor, True), vector).astype(complex)
         for square in np.array([0.8, 0.4, 0.1]) / np.linalg.norm(vector):
             shifted = bands.copy()
             shifted[0] -= square + rounding
-            with suppress(LinAlgError):
-                cholesky_banded(shifted, overwrite_ab=True, lower=True, check_finite=False)
+            with suppress(np.linalg.LinAlgError):
+                scipy.linalg.cholesky_banded(
+                    shifted, overwrite_ab=True, lower=True, check_finite=False
+                )
                 return 1 / math.sqrt(square)
     return _norm_of_inverse(matrices, c)
 

@@ -145,38 +145,32 @@ class BandSystem:
         # LAPACK fills the first J rows of its storage itself
         matrix[:, band:] = kernel
         matrix[:, 2 * band] = self.diagonal
-        forcing = self._forcing()
-        # LAPACK reads the rows of this array as the columns of its band storage
-        self.factors, self.pivots, self.core, failed = _lapack()[0](
-            band, band, matrix.T, forcing, overwrite_ab=1, overwrite_b=1
-        )
-        return bool(failed == 0)
-
-    def _forcing(self) -> Complex:
-        """Return the forces on lines -solved..solved, less phi times the mean force."""
-        solved, band = self.solved, self.band
+        # forces on lines -solved..solved, less phi times the mean force
         forcing = np.zeros(2 * solved + 1, dtype=complex)
-        np.multiply(self.kernel, -self.mean, out=forcing[solved - band : solved + band + 1])
+        np.multiply(kernel, -self.mean, out=forcing[solved - band : solved + band + 1])
         count = len(self.forces)
         if count:
             forcing[solved + 1 : solved + count + 1] += self.forces / self.scale
             forcing[solved - count : solved] += self.forces[::-1].conj() / self.scale
         #: right side of lines 0..solved
         self.forcing: Complex = forcing[solved:].copy()
-        return forcing
+        # LAPACK reads the rows of this array as the columns of its band storage
+        self.factors, self.pivots, self.core, failed = _lapack()[0](
+            band, band, matrix.T, forcing, overwrite_ab=1, overwrite_b=1
+        )
+        return bool(failed == 0)
 
     def begin(self) -> None:
         """Take the answer of the core, and what it makes of many lines above it."""
-        padded = self.core[self.solved - self.band :]
-        self._take(padded if self.band <= FEW_HARMONICS else self._with_lines_above(padded))
-
-    def _with_lines_above(self, padded: Complex) -> Complex:
-        """Append lines N+1..N+J, each answering the core alone."""
         solved, band = self.solved, self.band
-        self._stiffness(solved + band + 1)
-        coupled = np.correlate(padded[-band:], self.kernel, "full")[-band:]
-        coupled /= self.stiffness[solved + 1 :]
-        return np.concatenate([padded, np.negative(coupled, out=coupled)])
+        padded = self.core[solved - band :]
+        if band > FEW_HARMONICS:
+            # lines N+1..N+J, each answering the core alone
+            self._stiffness(solved + band + 1)
+            coupled = np.correlate(padded[-band:], self.kernel, "full")[-band:]
+            coupled /= self.stiffness[solved + 1 :]
+            padded = np.concatenate([padded, np.negative(coupled, out=coupled)])
+        self._take(padded)
 
     def sweep(self) -> None:
         """Correct the core and the lines above it by what the residual asks for.
@@ -294,16 +288,9 @@ def solve(problem: HillProblem, tolerance: float, shown: int | None = None) -> S
     inverse = cheap(system)
     if inverse is None:
         return None
-    found = _refine(system, inverse, tolerance, shown)
-    return found if found.bound <= tolerance or not found.stable else None
-
-
-def _refine(
-    system: BandSystem, inverse: InverseBound, tolerance: float, shown: int | None
-) -> Solution:
-    """Sweep until the bound meets the tolerance or rounding keeps it from falling."""
     system.begin()
     bound = math.inf
+    # until the bound meets the tolerance or rounding keeps it from falling
     for sweep in range(MOST_SWEEPS + 1):
         if sweep:
             system.sweep()
@@ -311,6 +298,8 @@ def _refine(
         before, bound = bound, relative_bound(system, inverse, last)
         if not inverse.stable or bound <= tolerance or bound > 0.5 * before < math.inf:
             break
+    if inverse.stable and not bound <= tolerance:
+        return None
     return Solution(displacement, bound, inverse.stable, system.solved, system.pressed)
 
 

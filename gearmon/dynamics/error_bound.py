@@ -357,11 +357,8 @@ def _step_averages(harmonics: Complex, count: int) -> tuple[Real, Real]:
     # integral of a e^{i j a} over a step about its middle; the series where it would cancel
     series = step * half * (1 / 6 - half**2 / 60 * (1 - half**2 / 28))
     closed = 2 * (np.sin(half) - half * np.cos(half)) / (orders**2 * step)
-    spectra = [
-        middle * np.sinc(half / math.pi),
-        -1j * middle * np.where(half < 0.05, series, closed),
-    ]
-    mean, offset = samples(with_zero_mean(np.array(spectra)), count)
+    shares = [np.sinc(half / math.pi), -1j * np.where(half < 0.05, series, closed)]
+    mean, offset = samples(with_zero_mean(middle * np.array(shares)), count)
     return mean, offset
 
 

@@ -28,9 +28,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.polynomial import chebyshev
 
-from gearmon.arrays import IntArray
 from gearmon.dynamics.fourier import Complex, Real, samples, with_zero_mean
 from gearmon.errors import ArgumentError
 
@@ -74,7 +74,12 @@ def half_traces(
     given = np.array(np.broadcast_arrays(ratio, variation, zeta), dtype=np.float64)
     systems = given.reshape(3, -1)
     found = np.empty((2, systems.shape[1]))
-    counts = _first_counts(systems, harmonics, tolerance)
+    # powers of two: at 1e-7 a step a radian of the vibration or more, which the next doubles
+    stiffest = np.abs(1 - systems[2] ** 2) + np.abs(systems[1]) * 2 * np.abs(harmonics).sum()
+    each = (1e-7 / max(tolerance, 1e-12)) ** (1 / 6)
+    least = each * 2 * math.pi * systems[0] * np.sqrt(stiffest)
+    least = np.clip(least, 2.5 * len(harmonics) + 3, MOST_STEPS / 4)
+    counts = (2 ** np.ceil(np.log2(least))).astype(np.int_)
     for count in np.unique(counts):
         left = np.flatnonzero(counts == count)
         width = max(1, BLOCK // int(count))
@@ -120,24 +125,14 @@ def half_traces_over(
             traces = value * np.exp(log)
         if not ROUNDING * np.abs(traces).max() < tolerance:
             break
-        terms = _analysis(points[1]) @ traces @ _analysis(points[0]).T
-        open_ = [_tail(t) > share for t in (terms.T, terms)]
+        along, across = (np.linalg.inv(chebyshev.chebvander(p, len(p) - 1)) for p in points)
+        terms = across @ traces @ along.T
+        # by the last coefficients: two, since every other one may vanish
+        open_ = [len(t) > 1 and bool((np.abs(t[-2:]) > share).any()) for t in (terms.T, terms)]
         if not any(open_):
             return partial(_interpolated, terms, sides)
         counts = [math.ceil(MORE_NODES * n) if o else n for n, o in zip(counts, open_, strict=True)]
     return partial(half_traces, **known, tolerance=tolerance)
-
-
-def _analysis(points: Real) -> Real:
-    """Matrix that makes coefficients of values at Chebyshev nodes."""
-    rows = chebyshev.chebvander(points, len(points) - 1).T * (2 / len(points))
-    rows[0] /= 2
-    return np.asarray(rows)
-
-
-def _tail(terms: Real) -> float:
-    """Size of the last coefficients: two, since every other one may vanish."""
-    return float(np.abs(terms[-2:]).max()) if len(terms) > 1 else 0.0
 
 
 def _interpolated(
@@ -151,16 +146,6 @@ def _interpolated(
     # one product of matrices where all rows share their w0/w
     made = rows[:, 0] @ x[0].T if len(x) == 1 else (rows @ x.swapaxes(1, 2))[:, 0]
     return np.asarray(made), np.zeros(1)
-
-
-def _first_counts(systems: Real, harmonics: Complex, tolerance: float) -> IntArray:
-    """Powers of two: at 1e-7 a step a radian of the vibration or more, which the next doubles."""
-    ratio, variation, zeta = systems
-    size = 2 * float(np.abs(harmonics).sum())
-    radians = 2 * math.pi * ratio * np.sqrt(np.abs(1 - zeta**2) + np.abs(variation) * size)
-    each = (1e-7 / max(tolerance, 1e-12)) ** (1 / 6)
-    least = np.maximum(each * radians, 2.5 * len(harmonics) + 3)
-    return np.asarray(2 ** np.ceil(np.log2(np.minimum(least, MOST_STEPS / 4)))).astype(np.int_)
 
 
 def _refined(systems: Real, harmonics: Complex, count: int, tolerance: float) -> tuple[Real, Real]:
@@ -189,7 +174,11 @@ def _magnus(systems: Real, harmonics: Complex, count: int) -> tuple[Real, Real]:
     ratio, variation, zeta = systems
     length = 2 * math.pi * ratio / count
     known = variation * length**2, (1 - zeta**2) * length**2
-    values = [known[0] * f[:, None] + known[1] for f in _at_gauss(harmonics, count)]
+    turns = 2j * math.pi / count * np.arange(1, len(harmonics) + 1)
+    # f at the three Gauss points of every step
+    offsets = (0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15))
+    at = [samples(with_zero_mean(harmonics * np.exp(turns * x)), count) for x in offsets]
+    values = [known[0] * f[:, None] + known[1] for f in at]
     matrices, log = _steps(values, length)
     for left in range(count.bit_length() - 2, -1, -1):
         matrices = multiply(matrices[:, :, 1::2], matrices[:, :, ::2])
@@ -198,13 +187,6 @@ def _magnus(systems: Real, harmonics: Complex, count: int) -> tuple[Real, Real]:
             matrices /= size
             log += np.log(size).sum(axis=0)
     return (matrices[0, 0, 0] + matrices[1, 1, 0]) / 2, log
-
-
-def _at_gauss(harmonics: Complex, count: int) -> list[Real]:
-    """Values of f at the three Gauss points of each of `count` equal steps of the period."""
-    turns = 2j * math.pi / count * np.arange(1, len(harmonics) + 1)
-    offsets = (0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15))
-    return [samples(with_zero_mean(harmonics * np.exp(turns * x)), count) for x in offsets]
 
 
 def _steps(values: list[Real], length: Real) -> tuple[Real, Real]:
@@ -347,8 +329,6 @@ def system_multipliers(compliance: SystemCompliance, harmonics: Complex) -> Comp
 
 def _period_map(compliance: SystemCompliance, harmonics: Complex, count: int) -> Real:
     """Map of the modal state over a period in `count` steps, free rigid motions left out."""
-    from scipy.linalg import expm
-
     if count <= 2 * harmonics.shape[1]:
         raise ArgumentError(f"mesh_harmonics: more than {MOST_SYSTEM_STEPS // 2} of them")
     values, step = samples(with_zero_mean(harmonics), count), compliance.system.period_s / count
@@ -366,7 +346,7 @@ def _period_map(compliance: SystemCompliance, harmonics: Complex, count: int) ->
     seen = np.hstack([meshes.T, np.zeros_like(meshes.T)])
     pushed = np.vstack([np.zeros_like(meshes), meshes])
     begun = np.eye(2 * n) - pushed @ (kicks[0][:, None] * seen)
-    state = _kicked(begun, expm(rate * step), seen, pushed, kicks[1:])
+    state = _kicked(begun, scipy.linalg.expm(rate * step), seen, pushed, kicks[1:])
     matters = np.concatenate([held[kept], np.ones(n, dtype=bool)])
     return np.asarray(state[np.ix_(matters, matters)])
 
@@ -377,8 +357,6 @@ def _kicked(state: Real, drift: Real, seen: Real, pushed: Real, kicks: Real) -> 
     What the meshes see in a block of steps follows from the state before it by one triangular
     system, for a kick is felt by those after it only: far less work than step by step.
     """
-    from scipy.linalg import solve_triangular
-
     steps, meshes = min(KICKS_TOGETHER, len(kicks)), len(seen)
     freely, after = [seen @ drift], [pushed]
     for _ in range(steps - 1):
@@ -392,7 +370,7 @@ def _kicked(state: Real, drift: Real, seen: Real, pushed: Real, kicks: Real) -> 
     unkicked, left = np.concatenate(freely), np.concatenate(after[::-1], axis=1)
     whole, kicked = np.linalg.matrix_power(drift, steps), np.empty_like(between)
     for strengths in kicks.reshape(-1, steps * meshes):
-        places = solve_triangular(
+        places = scipy.linalg.solve_triangular(
             np.multiply(between, strengths, out=kicked),
             unkicked @ state,
             lower=True,

@@ -77,9 +77,6 @@ class HillProblem(Result):
         for name in ("stiffness_harmonics", "force_harmonics_n"):
             object.__setattr__(self, name, frozen_vector(name, getattr(self, name)))
         check_swing("stiffness_harmonics", self.stiffness_harmonics)
-        self._check_numbers()
-
-    def _check_numbers(self) -> None:
         check_positive("mass_kg", self.mass_kg, "kg")
         if check_finite("damping_ns_per_m", self.damping_ns_per_m, "N s/m") < 0:
             raise ArgumentError(f"damping_ns_per_m={self.damping_ns_per_m} N s/m must be >= 0")

@@ -225,11 +225,10 @@ def equations_of(problem: HillProblem | HillSystem, shown: int | None = None) ->
     )
 
 
-class LeastResidual:
-    """Grow a basis of orders for (1 + K) x = right side, and recombine them.
-
-    The images of the directions are kept orthonormal (generalised conjugate residuals, GMRES in
-    exact arithmetic).
+def least_residual(
+    coupling: Callable[[Complex], Complex], right_side: Complex, target: float, most: int
+) -> tuple[Complex, int]:
+    """Recombine orders of (1 + K) x = right side for the least residual.
 
     Parameters
     ----------
@@ -237,80 +236,60 @@ class LeastResidual:
         Half spectra x -> K x, real-linear, same shape.
     right_side : complex ndarray, shape (..., N+1)
         Half spectrum, or one of every mesh; not zero.
+    target : float
+        Rms residual at which it ends; it ends as well where rounding is left, or no more orders.
     most : int
         Largest number of orders.
+
+    Returns
+    -------
+    (ndarray, int)
+        x and how many orders made it.
+
+    Notes
+    -----
+    The images of the directions are kept orthonormal (generalised conjugate residuals, GMRES in
+    exact arithmetic).
     """
+    # scaled so that the dot product of real views is the mean product over the period
+    weights = np.where(np.arange(right_side.shape[-1]) > 0, math.sqrt(2.0), 1.0)
 
-    def __init__(
-        self, coupling: Callable[[Complex], Complex], right_side: Complex, most: int
-    ) -> None:
-        self.coupling, self.shape = coupling, right_side.shape
-        # scaled so that the dot product of real views is the mean product over the period
-        self.weights = np.full(right_side.shape[-1], math.sqrt(2.0))
-        self.weights[0] = 1.0
-        self.rest = self._flat(right_side)
-        size = len(self.rest)
-        self.most = max(1, min(most, size - 1, int(BYTES_FOR_BASIS / (16 * size))))
-        #: orthonormal images (1 + K) p, and the directions p, shape (orders, size)
-        self.images = np.empty((min(self.most, 15), size))
-        self.directions = np.empty_like(self.images)
-        self.sum = np.zeros_like(self.rest)
-        self.orders = 0
-        self.residual = _length(self.rest)
-        # what rounding leaves cannot be taken out by more directions, which only would grow
-        self._least = 8 * UNIT_ROUNDOFF * self.residual
-        self._stalled = False
+    def flat(half: Complex) -> Real:
+        return np.asarray((weights * half).ravel().view(float))
 
-    def extend(self, target: float) -> bool:
-        """Add orders until the rms residual is <= `target`; True if it was reached."""
-        while self.residual > max(target, self._least):
-            if self.orders >= self.most or not self._add():
-                break
-        return self.residual <= target
+    def spectrum(row: Real) -> Complex:
+        return np.asarray(row.view(complex).reshape(right_side.shape) / weights)
 
-    def solution(self) -> Complex:
-        """Least-residual x."""
-        return self._half(self.sum)
-
-    def _flat(self, half: Complex) -> Real:
-        return np.asarray((self.weights * half).ravel().view(float))
-
-    def _half(self, row: Real) -> Complex:
-        return np.asarray(row.view(complex).reshape(self.shape) / self.weights)
-
-    def _add(self) -> bool:
-        """One more order; False when the space is exhausted."""
-        n = self.orders
-        direction = (self.images[n - 1] if self._stalled else self.rest).copy()
-        image = direction + self._flat(self.coupling(self._half(direction)))
+    rest = flat(right_side)
+    size = len(rest)
+    total, residual, orders, stalled = np.zeros_like(rest), _length(rest), 0, False
+    most = max(1, min(most, size - 1, int(BYTES_FOR_BASIS / (16 * size))))
+    # a row an order: an orthonormal image (1 + K) p, and behind it the direction p
+    basis = np.empty((min(most, 16), 2 * size))
+    # what rounding leaves cannot be taken out by more directions, which only would grow
+    target = max(target, 8 * UNIT_ROUNDOFF * residual)
+    while residual > target and orders < most:
+        direction = basis[orders - 1, :size] if stalled else rest
+        row = np.concatenate([direction + flat(coupling(spectrum(direction))), direction])
+        known, image = basis[:orders], row[:size]
         whole = _length(image)
-        length = self._orthogonalise(image, direction)
-        if length < 0.5 * whole:
+        row -= (known[:, :size] @ image) @ known
+        if _length(image) < 0.5 * whole:
             # where much cancelled, a second pass keeps the basis orthogonal to rounding
-            length = self._orthogonalise(image, direction)
+            row -= (known[:, :size] @ image) @ known
+        length = _length(image)
         if length <= max(1e-14 * whole, SMALLEST):
-            return False
-        image, direction = image / length, direction / length
-        if n == len(self.images):
-            empty = np.empty((min(self.most, 2 * n) - n, len(image)))
-            self.images = np.concatenate([self.images, empty])
-            self.directions = np.concatenate([self.directions, empty])
-        self.images[n], self.directions[n] = image, direction
-        self.orders = n + 1
-        share = image @ self.rest
-        self.sum += share * direction
-        self.rest -= share * image
-        before, self.residual = self.residual, _length(self.rest)
-        self._stalled = self.residual > STALLED * before
-        return True
-
-    def _orthogonalise(self, image: Real, direction: Real) -> float:
-        """Take the known images out of one, and its direction along; length that is left."""
-        known = self.images[: self.orders]
-        shares = known @ image
-        image -= shares @ known
-        direction -= shares @ self.directions[: self.orders]
-        return _length(image)
+            break
+        if orders == len(basis):
+            basis = np.concatenate([basis, np.empty((min(orders, most - orders), 2 * size))])
+        row /= length
+        basis[orders], orders = row, orders + 1
+        share = float(image @ rest)
+        total += share * row[size:]
+        rest -= share * image
+        before, residual = residual, _length(rest)
+        stalled = residual > STALLED * before
+    return spectrum(total), orders
 
 
 def _length(row: Real) -> float:
@@ -353,22 +332,15 @@ def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int)
     def coupling(swing: Complex) -> Complex:
         return equations.modulate(equations.compliance.answer(swing), core)
 
-    space = LeastResidual(coupling, right_side, most - orders)
-    space.extend(_target(equations, known, right_side, tolerance))
-    x = known.swing.copy()
-    x[..., : core + 1] += space.solution()
-    return equations.judge(x, orders + space.orders)
-
-
-def _target(
-    equations: MeshEquations, known: Approximation, right_side: Complex, tolerance: float
-) -> float:
-    """Rms residual of the core that leaves 0.4 of the tolerance."""
-    gain, size = equations.gain.acceleration, equations.compliance.size(right_side)
-    motion = known.motion.copy()
-    motion[..., : right_side.shape[-1]] += equations.compliance.motion(right_side)
+    # the rms residual of the core that leaves 0.4 of the tolerance
+    motion, gain = known.motion.copy(), equations.gain.acceleration
+    motion[..., : core + 1] += equations.compliance.motion(right_side)
     swing = np.maximum(known.size, equations.size(motion))
-    return float(1e-3 * size if np.isinf(gain) else 0.4 * swing / gain) * tolerance
+    target = 1e-3 * equations.compliance.size(right_side) if np.isinf(gain) else 0.4 * swing / gain
+    inner, own = least_residual(coupling, right_side, float(target) * tolerance, most - orders)
+    x = known.swing.copy()
+    x[..., : core + 1] += inner
+    return equations.judge(x, orders + own)
 
 
 def plain_sum(

@@ -41,7 +41,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -138,12 +138,9 @@ class Expansion(Result):
         forcing = np.tile(self.problem.static_forcing(highest), (len(force), 1))
         forcing *= self.problem.stiffness_n_per_m
         forcing[:, :1] = force
+        zeroth = Zeroth.of(ratio, zeta, highest, self.small_damping)
         product = self._products[len(force) >= FEWEST_FOR_A_MATRIX]
-        terms = _orders(
-            Zeroth.of(ratio, zeta, highest, self.small_damping),
-            forcing / stiffness,
-            lambda half: scale * product(half),
-        )
+        terms = _orders(zeroth, forcing / stiffness, lambda half: scale * product(half))
         return np.asarray(sum(itertools.islice(terms, self.order + 1)))
 
 
@@ -185,16 +182,11 @@ def expand(
         forced = len(problem.force_harmonics_n)
         highest = max(1, forced + order * len(problem.stiffness_harmonics))
     check_range("highest", highest, 1, 10_000_000)
-    stream = _orders(
-        Zeroth.of(problem.frequency_ratio, problem.damping_ratio, highest, small_damping),
-        problem.static_forcing(highest),
-        Modulation(problem.stiffness_harmonics, highest, highest),
-    )
-    return Expansion(
-        problem=problem,
-        terms=np.array(list(itertools.islice(stream, order + 1))),
-        small_damping=small_damping,
-    )
+    zeroth = Zeroth.of(problem.frequency_ratio, problem.damping_ratio, highest, small_damping)
+    modulate = Modulation(problem.stiffness_harmonics, highest, highest)
+    stream = _orders(zeroth, problem.static_forcing(highest), modulate)
+    terms = np.array(list(itertools.islice(stream, order + 1)))
+    return Expansion(problem=problem, terms=terms, small_damping=small_damping)
 
 
 class Zeroth(NamedTuple):
@@ -342,11 +334,15 @@ def paths(expansion: Expansion, line: int, order: int, most: int | None = None) 
     reaches = (widest * (order - k) for k in range(1, order + 1))
     near = [range(max(-highest, line - r), min(highest, line + r) + 1) for r in reaches]
     came = {n: [n - j for j in steps if j or own[n]] for n in range(-highest, highest + 1)}
-    if most is None and _most_paths(kept, near, came) > MOST_PATHS:
-        raise ArgumentError(
-            f"line {line} has more than {MOST_PATHS} terms at order {order}: ask for the "
-            "largest with most=20"
-        )
+    # how many lead to each line after every step, before any is made
+    ways = dict.fromkeys(kept, 1)
+    for lines in near if most is None else ():
+        ways = {n: sum(ways.get(m, 0) for m in came[n]) for n in lines}
+        if max(ways.values()) > MOST_PATHS:
+            raise ArgumentError(
+                f"line {line} has more than {MOST_PATHS} terms at order {order}: ask for the "
+                "largest with most=20"
+            )
     for lines in near:
         found: dict[int, list[Path]] = {}
         for n in lines:
@@ -359,17 +355,6 @@ def paths(expansion: Expansion, line: int, order: int, most: int | None = None) 
                 found[n] = longer if most is None else heapq.nsmallest(most, longer, key=_order)
         kept = found
     return sorted(kept.get(line, []), key=_order)[:most]
-
-
-def _most_paths(
-    first: Iterable[int], near: Sequence[Iterable[int]], came: Mapping[int, Sequence[int]]
-) -> int:
-    """Return the largest number of paths to one line after any step, without making them."""
-    ways, largest = dict.fromkeys(first, 1), 0
-    for lines in near:
-        ways = {n: sum(ways.get(m, 0) for m in came[n]) for n in lines}
-        largest = max(largest, *ways.values())
-    return largest
 
 
 def _by_line(half: Complex) -> dict[int, complex]:

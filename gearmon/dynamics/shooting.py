@@ -23,6 +23,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from gearmon.dynamics.compliance import PairCompliance
 from gearmon.dynamics.error_bound import Pattern
@@ -59,10 +60,8 @@ class Shot(NamedTuple):
 @lru_cache(maxsize=256)
 def odd_length(least: int) -> int:
     """Return the smallest odd 3^a 5^b 7^c 11^d >= `least`: every line but the mean has a twin."""
-    from scipy.fft import next_fast_len
-
     length = least | 1
-    while next_fast_len(length) != length:
+    while scipy.fft.next_fast_len(length) != length:
         length += 2
     return length
 
@@ -101,7 +100,15 @@ class Shooting:
         self.phi = values[:, None] * scale
         self.stencil = _stencil(step, zeta)
         self._prepare(values, scale)
-        self.free = self._march_freely(step)
+        start = np.zeros((2, 2, len(step)))
+        start[0, 1] = start[1, 0] = 1.0
+        # what the slower exponent leaves of them, if phi does not feed them
+        slow = np.minimum(zeta, 0.5 / zeta)
+        lasting = math.ceil(min(LASTING / float((slow * step).min()), self.length))
+        #: motions from unit starts, as long as they last, shape (2, up to S+1, B)
+        self.free = self._march(start, lasting)
+        if lasting < self.length and not np.abs(self.free[:, -2:]).max() < DIED_OUT:
+            self.free = self._march(start, self.length)
 
     def _prepare(self, values: Real, scale: Real) -> None:
         """Coefficients of u_{i+1} = c_1 u_i + c_0 u_{i-1} + ..."""
@@ -124,17 +131,6 @@ class Shooting:
             self._bands = np.zeros((self.length + 1, 3))
             self._bands[1:, 1:2], self._bands[2:, :1] = -now, -last[1:]
 
-    def _march_freely(self, step: Real) -> Real:
-        """Motions from unit starts, as long as they last, shape (2, up to S+1, B)."""
-        start = np.zeros((2, 2, len(step)))
-        start[0, 1] = start[1, 0] = 1.0
-        # what the slower exponent leaves of them, if phi does not feed them
-        slow = np.minimum(self.zeta, 0.5 / self.zeta)
-        lasting = math.ceil(min(LASTING / float((slow * step).min()), self.length))
-        free = self._march(start, lasting)
-        died_out = lasting == self.length or np.abs(free[:, -2:]).max() < DIED_OUT
-        return free if died_out else self._march(start, self.length)
-
     def _march(self, start: Real, steps: int, driven: Real | None = None) -> Real:
         """March from the samples at -1 and 0: samples 0..steps, shape (..., steps+1, B)."""
         if start.shape[-1] == 1:
@@ -151,15 +147,14 @@ class Shooting:
 
     def _march_one(self, start: Real, steps: int, driven: Real | None) -> Real:
         """Do the same for one set, by LAPACK's band of a triangular matrix."""
-        from scipy.linalg.lapack import dtbtrs
-
         last, now = start[..., 0].reshape(-1, 2).T
         right = np.zeros((len(now), steps + 1))
         right[:, 0], right[:, 1] = now, self.recursion[0, 0, 0] * last
         if driven is not None:
             right[:, 1:] += driven[:, 0]
         bands = self._bands[: steps + 1].T
-        found = dtbtrs(bands, right.T, uplo="U", trans="T", diag="U", overwrite_b=1)[0].T
+        solve = scipy.linalg.lapack.dtbtrs
+        found = solve(bands, right.T, uplo="U", trans="T", diag="U", overwrite_b=1)[0].T
         return np.asarray(found).reshape(*start.shape[:-2], steps + 1, 1)
 
     def answer(self, still: Real) -> Real:

@@ -48,6 +48,7 @@ from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gearmon.arrays import BoolArray
 from gearmon.dynamics import floquet
@@ -347,8 +348,6 @@ def certainly_stable_up_to(shape: FourierShape, ratio: float, zeta: float, most:
 
 def _first_crossing(function: Callable[[float], float], grid: Real, values: Real) -> float:
     """Smallest s with function(s) > 0, also between grid points where it has a maximum."""
-    from scipy.optimize import brentq, minimize_scalar
-
     # a system without variation is on the boundary at most
     above = np.flatnonzero(values[1:] > 1e-14) + 1
     first = int(above[0]) if len(above) else len(grid)
@@ -357,7 +356,7 @@ def _first_crossing(function: Callable[[float], float], grid: Real, values: Real
     low, high = grid[first - 1], grid[first] if first < len(grid) else math.inf
     for peak in peaks:
         ends = grid[peak - 1], grid[peak + 1]
-        top = minimize_scalar(
+        top = scipy.optimize.minimize_scalar(
             lambda s: -function(s), bounds=ends, options={"xatol": 1e-9 * ends[1]}
         )
         if -top.fun > 1e-14:
@@ -365,7 +364,7 @@ def _first_crossing(function: Callable[[float], float], grid: Real, values: Real
             break
     if math.isinf(high):
         return math.inf
-    return float(brentq(function, low, high, xtol=1e-15 * high, rtol=1e-14))
+    return float(scipy.optimize.brentq(function, low, high, xtol=1e-15 * high, rtol=1e-14))
 
 
 MOST_HARMONICS = 600
@@ -426,20 +425,8 @@ def tongue_edges(
     return Boundaries(shape, damping_ratio, [tongue], eps).edges(tongue, eps)
 
 
-def _undamped(shape: FourierShape, tongue: int, eps: Real) -> Real:
-    """Edges by the Hermitian eigenvalues, shape (E, 2)."""
-    highest = min(MOST_HARMONICS, tongue + 2 * len(shape.harmonics) + 24)
-    f = shape.harmonics[: 2 * highest]
-    matrices = _matrices(f, tongue, eps, highest)
-    values = np.linalg.eigvalsh(matrices)[:, ::-1]
-    first = 2 * ((tongue - 1) // 2)
-    return np.asarray(np.sqrt(np.maximum(values[:, first : first + 2], 0.0))[:, ::-1])
-
-
 def _matrices(f: Complex, tongue: int, eps: Real, highest: int) -> Complex | Real:
     """1/m (I + eps F) 1/j, without the static row, whose harmonic follows the others."""
-    from scipy.linalg import toeplitz
-
     odd = tongue % 2
     order = np.arange(-highest, highest + 1 - odd) + odd / 2
     column = np.zeros(len(order), dtype=complex)
@@ -447,7 +434,7 @@ def _matrices(f: Complex, tongue: int, eps: Real, highest: int) -> Complex | Rea
     if np.abs(f.imag).max() <= 1e-15 * np.abs(f).max():
         column = column.real
     # Hermitian: the first row is the conjugate of the first column
-    matrix = eps[:, None, None] * toeplitz(column) + np.eye(len(order))
+    matrix = eps[:, None, None] * scipy.linalg.toeplitz(column) + np.eye(len(order))
     if not odd:
         keep = order != 0
         static = matrix[:, keep][:, :, ~keep]
@@ -475,8 +462,13 @@ class Boundaries:
 
     def around(self, tongue: int, eps: Real) -> Real:
         """Interval of w/w0 that holds the damped tongue, shape (E, 2)."""
-        rest = 1 - self.zeta**2
-        return math.sqrt(rest) * _undamped(self.shape, tongue, eps / rest)
+        rest, f = 1 - self.zeta**2, self.shape.harmonics
+        # without damping, by the Hermitian eigenvalues
+        highest = min(MOST_HARMONICS, tongue + 2 * len(f) + 24)
+        matrices = _matrices(f[: 2 * highest], tongue, eps / rest, highest)
+        first = 2 * ((tongue - 1) // 2)
+        squares = np.linalg.eigvalsh(matrices)[:, ::-1][:, first : first + 2]
+        return np.asarray(np.sqrt(rest * np.maximum(squares, 0.0))[:, ::-1])
 
     def excess(self, tongue: int, x: Real, eps: Real) -> Real:
         """Measure of growth at w/w0, above zero within the tongue."""
@@ -672,12 +664,8 @@ def stability_map(
     if highest_variation is None:
         highest_variation = min(1.0, limit)
     check_range("highest_variation", highest_variation, 1e-6, limit)
-    chart = stability_chart(
-        shape,
-        np.linspace(low, high, points[0]),
-        np.linspace(0.0, highest_variation, points[1]),
-        damping_ratio,
-    )
+    x, eps = np.linspace(low, high, points[0]), np.linspace(0.0, highest_variation, points[1])
+    chart = stability_chart(shape, x, eps, damping_ratio)
     # tongues bend to lower speeds, so that some begin outside
     first, last = max(1, math.ceil(1.7 / high)), math.floor(2 / low)
     # what is damped so much has none: nothing swings
@@ -685,20 +673,14 @@ def stability_map(
     numbers = range(first, last + 1)
     coarse = highest_variation * np.linspace(0.0, 1.0, 49)
     boundaries = Boundaries(shape, damping_ratio, numbers, coarse)
-    tongues = tuple(_tongue(boundaries, n, coarse, orders) for n in numbers)
-    return StabilityMap(chart=chart, tongues=tongues, mark=mark)
-
-
-def _tongue(boundaries: Boundaries, number: int, coarse: Real, orders: tuple[int, ...]) -> Tongue:
-    """Boundaries on a grid of eps that is fine at the tips."""
-    eps = np.unique(np.concatenate([coarse[1:], _near_tips(boundaries, number, coarse)]))
-    known = boundaries.shape, number, eps, boundaries.zeta
-    return Tongue(
-        number=number,
-        variations=eps,
-        exact=boundaries.edges(number, eps),
-        expanded={k: _expanded(*known, k) for k in orders},
-    )
+    tongues = []
+    for n in numbers:
+        # fine at the tips
+        eps = np.unique(np.concatenate([coarse[1:], _near_tips(boundaries, n, coarse)]))
+        expanded = {k: _expanded(shape, n, eps, damping_ratio, k) for k in orders}
+        exact = boundaries.edges(n, eps)
+        tongues.append(Tongue(number=n, variations=eps, exact=exact, expanded=expanded))
+    return StabilityMap(chart=chart, tongues=tuple(tongues), mark=mark)
 
 
 def _expanded(shape: FourierShape, number: int, eps: Real, zeta: float, order: int) -> Real:

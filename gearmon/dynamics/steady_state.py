@@ -120,7 +120,14 @@ def steady_state(
     check_arguments(tolerance, harmonics, method, order)
     is_free = method == "auto" and order is None
     if isinstance(problem, HillProblem):
-        _check_lines(problem)
+        ratio = problem.frequency_ratio
+        if ratio > MOST_RATIO:
+            raise ArgumentError(
+                f"mass_kg={problem.mass_kg} kg, stiffness_n_per_m={problem.stiffness_n_per_m} N/m, "
+                f"period_s={problem.period_s} s: the natural frequency is {ratio:.4g} times that "
+                f"of the mesh, and as many harmonics must be solved; allowed is {MOST_RATIO:.0g} "
+                "times"
+            )
         small = direct.solve(problem, tolerance, harmonics) if is_free else None
         if small is not None:
             text = f"small enough to solve directly, harmonics 0 to {small.solved} together: "
@@ -133,20 +140,15 @@ def steady_state(
             text = f"shot round the period, harmonics 0 to {shot.solved}: "
             text += _verdict(shot.bound, tolerance)
             return _response(problem, shot, "shooting", 0, text)
-    return _respond(problem, equations, *_solve(equations, tolerance, method, order), tolerance)
-
-
-def _solve(
-    equations: MeshEquations, tolerance: float, method: str, order: int | None
-) -> tuple[Approximation, str]:
-    """Solve by the cheapest method, or the one asked for; return its name, too."""
     if method == "msm":
-        return _plain(equations, tolerance, order), method
-    if method == "harmonic balance":
-        return widen(equations, tolerance, partial(balance, equations)), method
-    most = MOST_ORDERS if order is None else order
-    improve = partial(recombine, equations, tolerance=tolerance, most=most)
-    return widen(equations, tolerance, improve, repeat=order is None), "msm least residual"
+        found = _plain(equations, tolerance, order)
+    elif method == "harmonic balance":
+        found = widen(equations, tolerance, partial(balance, equations))
+    else:
+        method, most = "msm least residual", MOST_ORDERS if order is None else order
+        improve = partial(recombine, equations, tolerance=tolerance, most=most)
+        found = widen(equations, tolerance, improve, repeat=order is None)
+    return _respond(problem, equations, found, method, tolerance)
 
 
 def _shot(equations: MeshEquations, tolerance: float) -> Solution | None:
@@ -167,16 +169,6 @@ def _shot(equations: MeshEquations, tolerance: float) -> Solution | None:
             half, bound = shot.lines[:, 0], float(shot.relative[0])
             return Solution(cut(half, equations.shown), bound, True, len(half) - 1, False)
     return None
-
-
-def _check_lines(problem: HillProblem) -> None:
-    ratio = problem.frequency_ratio
-    if ratio > MOST_RATIO:
-        raise ArgumentError(
-            f"mass_kg={problem.mass_kg} kg, stiffness_n_per_m={problem.stiffness_n_per_m} N/m, "
-            f"period_s={problem.period_s} s: the natural frequency is {ratio:.4g} times that of "
-            f"the mesh, and as many harmonics must be solved; allowed is {MOST_RATIO:.0g} times"
-        )
 
 
 def check_arguments(
@@ -267,10 +259,16 @@ def _respond(
         solution = Solution(shown, bound, stable, found.highest, False)
         return _response(problem, solution, method, found.orders, text)
     largest = float(np.abs(equations.multipliers[:1]).max(initial=0.0))
+    # forces of springs and dampers of all meshes [N], shape (meshes, N+1): of the swing that these
+    # deflections make, one order better than the one they come from
+    scale, u = np.sqrt(problem.mesh_stiffness_n_per_m)[:, None], found.deflection
+    force: Complex = scale * (u - found.swing - found.residual[:, : u.shape[1]])
+    rates = 1j * problem.angular_frequency * np.arange(u.shape[1]) * u
+    force += problem.mesh_damping_ns_per_m[:, None] / scale * rates
     return SystemResponse(
         system=problem,
         displacement=shown.T,
-        mesh_force=cut(_mesh_forces(problem, found), equations.shown).T,
+        mesh_force=cut(force, equations.shown).T,
         error_bound=bound if stable else math.inf,
         method=method,
         order=found.orders,
@@ -278,15 +276,6 @@ def _respond(
         stable=stable,
         message=text if stable else growing_by(largest),
     )
-
-
-def _mesh_forces(system: HillSystem, found: Approximation) -> Complex:
-    """Return the forces of springs and dampers of all meshes [N], shape (meshes, N+1)."""
-    scale, u = np.sqrt(system.mesh_stiffness_n_per_m)[:, None], found.deflection
-    # the swing that these deflections make, one order better than the one they come from
-    force: Complex = scale * (u - found.swing - found.residual[:, : u.shape[1]])
-    rates = 1j * system.angular_frequency * np.arange(u.shape[1]) * u
-    return force + system.mesh_damping_ns_per_m[:, None] / scale * rates
 
 
 def _verdict(bound: float, tolerance: float) -> str:

@@ -41,6 +41,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gearmon.arrays import BoolArray, IntArray
 from gearmon.dynamics.fourier import Complex, Real
@@ -108,20 +109,35 @@ class HillSystem:
     mesh_harmonics: Complex
     period_s: float
     force_n: Real
-    # what is left out is filled in with zeros
     gyroscopic: Real = None  # type: ignore[assignment]
     force_harmonics_n: Complex = None  # type: ignore[assignment]
     mesh_damping_ns_per_m: Real = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         check_positive("period_s", self.period_s, "s")
+        # n and m, as the first that has them; what is left out is filled in with zeros
+        sizes: dict[str, int] = {}
         for name, (kind, axes) in _FIELDS.items():
-            value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, _frozen(name, value, kind, len(axes)))
-        self._check_shapes()
+            given: npt.ArrayLike | None = getattr(self, name)
+            if given is None:
+                given = np.zeros([sizes.get(axis, 0) for axis in axes])
+            array: npt.NDArray[Any] = np.array(given, kind, ndmin=len(axes))
+            if name == "mesh_harmonics" and len(array) == 1:
+                array = np.repeat(array, sizes["m"], axis=0)
+            own = {a: n for a, n in zip(axes, array.shape, strict=False) if a != "J"}
+            sizes = own | sizes
+            wanted = tuple(map(sizes.get, axes, array.shape))
+            if array.shape != wanted:
+                raise ArgumentError(f"{name}: shape {array.shape} must be {wanted}")
+            check_entries(name, array)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
         for name in ("mass", "damping", "stiffness", "gyroscopic"):
-            _check_symmetry(name, getattr(self, name), -1.0 if name == "gyroscopic" else 1.0)
+            matrix, sign = getattr(self, name), -1.0 if name == "gyroscopic" else 1.0
+            apart = float(np.abs(matrix - sign * matrix.T).max())
+            if apart > SYMMETRIC * float(np.abs(matrix).max()):
+                like = "symmetric" if sign > 0 else "skew-symmetric"
+                raise ArgumentError(f"{name}: must be {like}, but entries differ by {apart:.4g}")
         if (self.mesh_damping_ns_per_m < 0).any():
             raise ArgumentError("mesh_damping_ns_per_m: all values must be >= 0 N s/m")
         if not (len(self.mesh_vectors) and (self.mesh_stiffness_n_per_m > 0).all()):
@@ -131,22 +147,6 @@ class HillSystem:
         if least < -SYMMETRIC * np.abs(self.damping).max():
             raise ArgumentError(f"damping: its least eigenvalue {least:.4g} N s/m must be >= 0")
         self._check_equilibrium()
-
-    def _check_shapes(self) -> None:
-        sizes = {"n": len(self.mass), "m": len(self.mesh_vectors)}
-        if len(self.mesh_harmonics) == 1:
-            shared = np.broadcast_to(
-                self.mesh_harmonics, (sizes["m"], self.mesh_harmonics.shape[1])
-            )
-            object.__setattr__(self, "mesh_harmonics", shared)
-        for name, (kind, axes) in _FIELDS.items():
-            value = getattr(self, name)
-            if value is None:
-                value = np.broadcast_to(kind(0), [sizes.get(axis, 0) for axis in axes])
-                object.__setattr__(self, name, value)
-            wanted = tuple(map(sizes.get, axes, value.shape))
-            if value.shape != wanted:
-                raise ArgumentError(f"{name}: shape {value.shape} must be {wanted}")
 
     def _check_equilibrium(self) -> None:
         squares = self.modes[0]
@@ -193,11 +193,9 @@ class HillSystem:
         ArgumentError
             If the mass matrix is not positive definite.
         """
-        from scipy.linalg import LinAlgError, eigh
-
         try:
-            squares, shapes = eigh(self.mean_stiffness, self.mass)
-        except LinAlgError:
+            squares, shapes = scipy.linalg.eigh(self.mean_stiffness, self.mass)
+        except np.linalg.LinAlgError:
             raise ArgumentError("mass: the matrix must be positive definite") from None
         return np.asarray(squares), np.asarray(shapes)
 
@@ -227,23 +225,6 @@ _FIELDS = {
     "gyroscopic": (float, "nn"),
     "force_harmonics_n": (complex, "Jn"),
 }
-
-
-def _frozen(name: str, value: npt.ArrayLike, kind: type, axes: int) -> npt.NDArray[Any]:
-    """Return a read-only array of finite numbers; a number is a matrix of one."""
-    array: npt.NDArray[Any] = np.array(value, dtype=kind, ndmin=axes)
-    if array.ndim != axes:
-        raise ArgumentError(f"{name}: {array.ndim} axes, must have {axes}")
-    check_entries(name, array)
-    array.flags.writeable = False
-    return array
-
-
-def _check_symmetry(name: str, matrix: Real, sign: float) -> None:
-    apart = float(np.abs(matrix - sign * matrix.T).max())
-    if apart > SYMMETRIC * float(np.abs(matrix).max()):
-        kind = "symmetric" if sign > 0 else "skew-symmetric"
-        raise ArgumentError(f"{name}: must be {kind}, but entries differ by {apart:.4g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -385,8 +366,6 @@ def integrate(
     >>> h.displacement.shape, float(h.displacement[0, 0]), float(round(h.acceleration[0, 0]))
     ((3, 1), 0.0, 14286.0)
     """
-    from scipy.integrate import solve_ivp
-
     check_range("relative_tolerance", relative_tolerance, 2.3e-14, 0.1)
     if backlash_m is not None and not backlash_m >= 0:
         raise ArgumentError(f"backlash_m={backlash_m} m must be >= 0")
@@ -399,7 +378,7 @@ def integrate(
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0).all():
         raise ArgumentError("time_s: must be a row of ascending times, two at least")
     size = relative_tolerance * equation.deflection
-    found = solve_ivp(
+    found = scipy.integrate.solve_ivp(
         lambda t, x: np.concatenate([x[n:], equation.rates(t, x)[0]]),
         (times[0], times[-1]),
         start,

@@ -40,7 +40,6 @@ from gearmon.gears.pulses import (
 from gearmon.gears.tooth_damage import (
     LARGEST_WIDTH,
     SOUND,
-    Hole,
     ToothDamage,
     face_part,
     largest_size,
@@ -378,9 +377,16 @@ def measured_losses(
     length : float, optional
         Nominal length of the contact on which the true one is laid [mesh periods].
     """
-    damage = tooth_damage(faults, pair.teeth[index])
+    tooth = pair.teeth[index]
+    damage = tooth_damage(faults, tooth)
     parts = [_broken(fault, pair, index) for fault in faults if fault.kind == "breakage"]
-    parts += [_without_flank(hole, pair, index) for hole in damage.holes if not hole.round]
+    for hole in damage.holes:
+        if not hole.round:
+            # the face on which a spall leaves no flank, while the contact passes it
+            ends = sorted(pair.phase_of(index, angle) for angle in hole.angles(tooth))
+            start, end = np.clip(ends, 0.0, pair.contact_ratio).tolist()
+            share = min(hole.width_m / tooth.face_width_m, LARGEST_WIDTH)
+            parts.append(_gone(start, end, hole.start, share))
     parts.append(_weaker_sections(damage, pair, index, is_helical))
     losses: Losses = reduce(union, parts, ())
     nominal = pair.contact_ratio if length is None else length
@@ -471,17 +477,6 @@ def _gone(start: float, end: float, begin: float, share: float) -> Losses:
     if share == 0 or end <= start:
         return ()
     return (PulseTerm(Pulse.constant(start, end), 1.0, 0.0, begin, min(1.0, begin + share)),)
-
-
-def _without_flank(hole: Hole, pair: ToothPair, index: int) -> Losses:
-    """Return the loss of the face on which a spall leaves no flank, while the contact passes it.
-
-    Of a spall across the whole face `LARGEST_WIDTH` is lost, and its edges carry the rest.
-    """
-    tooth = pair.teeth[index]
-    ends = [pair.phase_of(index, angle) for angle in hole.angles(tooth)]
-    start, end = np.clip(sorted(ends), 0.0, pair.contact_ratio).tolist()
-    return _gone(start, end, hole.start, min(hole.width_m / tooth.face_width_m, LARGEST_WIDTH))
 
 
 @lru_cache(maxsize=64)

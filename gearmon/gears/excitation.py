@@ -507,8 +507,16 @@ def _moved_by(wrong: GearError | Fault, pair: MeshPair) -> FlankError | None:
     """Return what an error, wear, a through spall or a missing tooth takes from the pairs."""
     index, gap = pair.names.index(wrong.gear), None
     if isinstance(wrong, Fault):
-        if wrong.kind in ("spall", "missing"):
-            gap = _lost_profile(wrong, teeth_of(pair), index)
+        if wrong.kind == "missing":
+            gap = _bridge(teeth_of(pair))
+        elif wrong.kind == "spall":
+            teeth = teeth_of(pair)
+            tooth = teeth.teeth[index]
+            (hole,) = tooth_damage([wrong], tooth).holes
+            low, high = sorted(teeth.phase_of(index, angle) for angle in hole.angles(tooth))
+            # one that leaves a part of the face takes nothing
+            if hole.width_m >= tooth.face_width_m * (1 - 1e-9) and low < high:
+                gap = Pulse.constant(low, high, hole.depth_m)
         is_moving = gap is not None or (wrong.kind == "wear" and wrong.size > 0)
     else:
         size, length, is_moving = wrong.size_m, pair.contact_ratio, bool(wrong.size_m)
@@ -520,18 +528,6 @@ def _moved_by(wrong: GearError | Fault, pair: MeshPair) -> FlankError | None:
     is_turning = wrong.tooth is not None or wrong.kind in WHOLE_KINDS
     period = pair.teeth[index] if is_turning else 1
     return FlankError(wrong, period, gap) if is_moving else None
-
-
-def _lost_profile(fault: Fault, teeth: ToothPair, index: int) -> Pulse | None:
-    """Return what a missing tooth or a spall takes; one that leaves a part of the face, nothing."""
-    if fault.kind == "missing":
-        return _bridge(teeth)
-    tooth = teeth.teeth[index]
-    (hole,) = tooth_damage([fault], tooth).holes
-    low, high = sorted(teeth.phase_of(index, angle) for angle in hole.angles(tooth))
-    if hole.width_m < tooth.face_width_m * (1 - 1e-9) or low == high:
-        return None
-    return Pulse.constant(low, high, hole.depth_m)
 
 
 @lru_cache(maxsize=64)

@@ -439,9 +439,22 @@ def _mesh(i: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, Fract
     )
     forwards = (carrier - speeds.get("ring", 0)) * carrier > 0
     teeth = "/".join(map(str, counts.values()))
-    families = [Line(w.exact, "rotation", f"{w.gear} rotation", i, w.shaft, w.gear) for w in wheels]
+    families, shaft = list[Line](), shafts.get("carrier")
     if planets:
-        families = _planetary_families(wheels, planets, abs(carrier), i, shafts.get("carrier"))
+        families.append(Line(abs(carrier), "rotation", "carrier rotation", i, shaft, "carrier"))
+        passing = Line(planets * abs(carrier), "planet pass", "planet pass", i, gear="carrier")
+        families.append(passing)
+    for w in wheels:
+        spins = w.gear == "planet"
+        if not spins:
+            families.append(Line(w.exact, "rotation", f"{w.gear} rotation", i, w.shaft, w.gear))
+        if planets:
+            # a tooth of a planet meets sun and ring in a turn, one of theirs all planets
+            turns, meets = w.exact_relative, 2 if spins else planets
+            seen = "planet spin" if spins else f"{w.gear} relative to carrier"
+            around = turns * bool(spins or carrier)
+            families.append(Line(around, "rotation", seen, i, gear=w.gear))
+            families.append(Line(meets * turns, "local fault", f"{w.gear} fault", i, gear=w.gear))
     return Mesh(
         stage=i,
         name=f"{stage.name}, {teeth}" if stage.name else teeth,
@@ -452,32 +465,6 @@ def _mesh(i: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, Fract
         carrier=abs(carrier) if forwards else -abs(carrier),
         equally_spaced=getattr(stage, "equally_spaced", True),
     )
-
-
-def _planetary_families(
-    wheels: tuple[Wheel, ...], planets: int, carrier: Fraction, stage: int, shaft: int | None
-) -> list[Line]:
-    """Return the sideband families of a planetary set.
-
-    A local fault is met once for every planet that passes (sun, ring), a planet's twice in a turn
-    on its carrier, once on the sun and once on the ring. A distributed fault, or an eccentricity,
-    repeats with every turn relative to the carrier. Turns relative to a carrier that stands still
-    have the order 0, for they are the turns seen from the housing.
-    """
-    sun, planet, ring = wheels
-    past_sun, past_ring = (bool(carrier) * own.exact_relative for own in (sun, ring))
-    return [
-        Line(carrier, "rotation", "carrier rotation", stage, shaft, "carrier"),
-        Line(planets * carrier, "planet pass", "planet pass", stage, gear="carrier"),
-        Line(sun.exact, "rotation", "sun rotation", stage, sun.shaft, "sun"),
-        Line(past_sun, "rotation", "sun relative to carrier", stage, gear="sun"),
-        Line(planets * sun.exact_relative, "local fault", "sun fault", stage, gear="sun"),
-        Line(planet.exact_relative, "rotation", "planet spin", stage, gear="planet"),
-        Line(2 * planet.exact_relative, "local fault", "planet fault", stage, gear="planet"),
-        Line(ring.exact, "rotation", "ring rotation", stage, ring.shaft, "ring"),
-        Line(past_ring, "rotation", "ring relative to carrier", stage, gear="ring"),
-        Line(planets * ring.exact_relative, "local fault", "ring fault", stage, gear="ring"),
-    ]
 
 
 def _bearing_lines(

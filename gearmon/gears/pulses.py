@@ -77,8 +77,16 @@ def spherical_bessel(count: int, x: FloatArray) -> FloatArray:
     Orders below |x| by recurrence upwards, those above by the ratio of neighbours; either is stable
     there, and one run gives all orders, where SciPy begins anew for each.
     """
-    size = np.abs(x)
-    ratios = _bessel_ratios(count, x)
+    size, ratios = np.abs(x), np.zeros((count, *x.shape))
+    if size.min(initial=np.inf) < count:
+        # j_n/j_{n-1} for the orders n from |x| on: a continued fraction, from an order downwards
+        # where its rest no longer matters; the rest is forgotten within a number of orders that
+        # grows with the cube root of x
+        ratio = np.zeros(x.shape)
+        for n in range(count + math.ceil(7 * math.cbrt(count)), 0, -1):
+            ratio = np.where(n < size, 0.0, x / (2 * n + 1 - x * ratio))
+            if n < count:
+                ratios[n] = ratio
     total = np.empty((count, *x.shape))
     total[0] = np.sinc(x / np.pi)
     inverse = 1 / np.where(size < 1, 1.0, x)
@@ -88,23 +96,6 @@ def spherical_bessel(count: int, x: FloatArray) -> FloatArray:
         total[n] = np.where(n < size, upwards, ratios[n] * total[n - 1])
         before = total[n - 1]
     return total
-
-
-def _bessel_ratios(count: int, x: FloatArray) -> FloatArray:
-    """Return j_n/j_{n-1} for the orders n from |x| on, shape (count, *x.shape).
-
-    A continued fraction, from an order downwards where its rest no longer matters: the rest is
-    forgotten within a number of orders that grows with the cube root of x.
-    """
-    size, ratios = np.abs(x), np.zeros((count, *x.shape))
-    if size.min(initial=np.inf) >= count:
-        return ratios
-    ratio = np.zeros(x.shape)
-    for n in range(count + math.ceil(7 * math.cbrt(count)), 0, -1):
-        ratio = np.where(n < size, 0.0, x / (2 * n + 1 - x * ratio))
-        if n < count:
-            ratios[n] = ratio
-    return ratios
 
 
 @dataclass(frozen=True, eq=False)

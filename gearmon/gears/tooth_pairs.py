@@ -34,7 +34,7 @@ POTENTIAL_ENERGY = "potential-energy"
 #: Radius on which a gear is held where no bore is given, over its reference radius. The beam
 #: model then lies within 7 % of ISO 6336 for most pairs.
 USUAL_BORE = 0.4
-#: Root radius over bore radius within which the yielding of a body is used, see `_within_fit`.
+#: Root radius over bore radius within which the yielding of a body is used, see `_held_radius`.
 HELD_RATIOS = (1.4, 3.5)
 
 
@@ -320,8 +320,18 @@ class ToothPair:
         whole = self.first.face_width_m
         width = whole - np.minimum(lost, LARGEST_WIDTH * whole)
         foundation = self.oblique * self.form.has_foundation * np.array(bodies)
-        hertz = self.oblique * self._hertz(width, rolls, angles, force_n)
-        return PairCompliance(bending, shear, axial, foundation, hertz)
+        moduli = (self.first.elastic_modulus_pa, self.second.elastic_modulus_pa)
+        nu = self.first.poisson_ratio
+        if self.form.contact == "constant" or force_n is None:
+            hertz = hertz_compliance(width, moduli, nu)
+        else:
+            members = zip(self.teeth, angles, strict=True)
+            one, two = (tooth.half_thickness(angle) / np.cos(angle) for tooth, angle in members)
+            # the flank of a ring is hollow: its curvature counts against that of the mate
+            radius = rolls[0] * rolls[1] / (rolls[1] + self.second.sign * rolls[0])
+            force = np.asarray(force_n, dtype=np.float64)
+            hertz = weber_banaschek_compliance(force, width, radius, (one, two), moduli, nu)
+        return PairCompliance(bending, shear, axial, foundation, self.oblique * hertz)
 
     def coupling(
         self, apart: int, bodies: FloatArray, phases: tuple[FloatArray, FloatArray]
@@ -350,24 +360,6 @@ class ToothPair:
         one, two = self.foundations
         every = (*self.notes, *one.warnings, *two.warnings)
         return every if self.form.has_foundation else ()
-
-    def _hertz(
-        self,
-        width: FloatArray | float,
-        rolls: tuple[FloatArray, FloatArray],
-        angles: list[FloatArray],
-        force_n: ArrayLike | None,
-    ) -> FloatArray:
-        moduli = (self.first.elastic_modulus_pa, self.second.elastic_modulus_pa)
-        nu = self.first.poisson_ratio
-        if self.form.contact == "constant" or force_n is None:
-            return hertz_compliance(width, moduli, nu)
-        both = zip(self.teeth, angles, strict=True)
-        one, two = (tooth.half_thickness(angle) / np.cos(angle) for tooth, angle in both)
-        # the flank of a ring is hollow: its curvature counts against that of the mate
-        radius = rolls[0] * rolls[1] / (rolls[1] + self.second.sign * rolls[0])
-        force = np.asarray(force_n, dtype=np.float64)
-        return weber_banaschek_compliance(force, width, radius, (one, two), moduli, nu)
 
 
 def tooth_pair(
@@ -423,25 +415,22 @@ def tooth_pair(
     path = middle - half, middle + half
     body: dict[str, Any] = {"face_width_m": geometry.face_width_m, "root": form.root}
     body["poisson_ratio"] = poisson_ratio
-    both = zip(geometry.gears, section.gears, bore_radii_m, strict=True)
-    held = [(gear, _held_alike(real, gear, bore)) for real, gear, bore in both]
-    one, two = (Tooth(**told_of(gear, RackTooth), **body, bore_radius_m=r) for gear, r in held)
+    teeth = []
+    for real, gear, bore in zip(geometry.gears, section.gears, bore_radii_m, strict=True):
+        # held as in the real gear: on as large a bore, by as thick a rim
+        held = bore * gear.root_radius_m / real.root_radius_m
+        if real.internal:
+            held = gear.root_radius_m + bore - real.root_radius_m
+        teeth.append(Tooth(**told_of(gear, RackTooth), **body, bore_radius_m=held))
     return ToothPair(
-        first=one,
-        second=two,
+        first=teeth[0],
+        second=teeth[1],
         line_m=section.line_m,
         path_m=path,
         base_pitch_m=(path[1] - path[0]) / ratio,
         base_helix_angle_rad=geometry.base_helix_angle_rad,
         form=form,
     )
-
-
-def _held_alike(real: RackTooth, section: RackTooth, bore_radius_m: float) -> float:
-    """Return the held radius [m] in the normal section: as large a bore, as thick a rim."""
-    if real.internal:
-        return section.root_radius_m + bore_radius_m - real.root_radius_m
-    return bore_radius_m * section.root_radius_m / real.root_radius_m
 
 
 @lru_cache(maxsize=64)
@@ -497,30 +486,23 @@ def _held_radius(member: RackTooth, notes: list[str]) -> float:
             f"teeth is taken as a solid disc"
         )
     if member.bore_m:
-        return _within_fit(member, notes)
+        # the fit of Sainsot, Velex & Duverger reaches from 1.4 to 7 times the bore, but towards 7
+        # most of it is the wind-up of the disc on a rigid bore, the more the smaller that is: half
+        # the stiffness of ISO 6336 at 6. The inertia of the disc lies outside of that spring, which
+        # is thus no part of the mesh; finite elements of whole gears confirm the fit up to 3.5.
+        given, root, (low, high) = 0.5 * member.bore_m, member.root_radius_m, HELD_RATIOS
+        # a bore that meets the roots is refused with the tooth
+        held = given if given >= root else min(max(given, root / high), root / low)
+        if held != given:
+            notes.append(
+                f"the body of the {member.name} reaches to {root / given:.3g} times the radius of "
+                f"its bore, and the yielding of such bodies is known from {low:g} to {high:g} "
+                f"times: it is taken as held on a diameter of {2e3 * held:.4g} mm"
+            )
+        return held
     held = USUAL_BORE * member.reference_radius_m
     notes.append(
         f"the {member.name} is taken as held on a diameter of {2e3 * held:.4g} mm, 0.4 times its "
         f"reference diameter; bore_diameter_{member.name}_mm would say where"
     )
-    return held
-
-
-def _within_fit(member: RackTooth, notes: list[str]) -> float:
-    """Return the radius of a bore, or the nearest one for which the yielding of a body is known.
-
-    The fit of Sainsot, Velex & Duverger reaches from 1.4 to 7 times the bore, but towards 7 most of
-    it is the wind-up of the disc on a rigid bore, the more the smaller that is: half the stiffness
-    of ISO 6336 at 6. The inertia of the disc lies outside of that spring, which is thus no part of
-    the mesh; finite elements of whole gears confirm the fit up to 3.5.
-    """
-    given, root, (low, high) = 0.5 * member.bore_m, member.root_radius_m, HELD_RATIOS
-    # a bore that meets the roots is refused with the tooth
-    held = given if given >= root else min(max(given, root / high), root / low)
-    if held != given:
-        notes.append(
-            f"the body of the {member.name} reaches to {root / given:.3g} times the radius of "
-            f"its bore, and the yielding of such bodies is known from {low:g} to {high:g} times: "
-            f"it is taken as held on a diameter of {2e3 * held:.4g} mm"
-        )
     return held

@@ -216,11 +216,8 @@ class PiezoCantilever(Harvester):
     @cached_property
     def _section(self) -> tuple[float, float, float]:
         """Height of the neutral axis [m], YI [N m2], and mass per length [kg/m]."""
-        hs, hp, count = (
-            self.passive_thickness_m,
-            self.piezo_thickness_m,
-            1 + WIRINGS[self.wiring][0],
-        )
+        hs, hp = self.passive_thickness_m, self.piezo_thickness_m
+        count = 1 + WIRINGS[self.wiring][0]
         parts = [self.passive, self.piezo, self.piezo][:count]
         thick, middle = np.array([[hs, hp, hp], [hs / 2, hs + hp / 2, -hp / 2]])[:, :count]
         told = np.array([[part.youngs_modulus_pa, part.density_kg_m3] for part in parts]).T

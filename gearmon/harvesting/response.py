@@ -25,13 +25,14 @@ part        loses with temperature, and with every tenfold of its age
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any, Generic, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.harvesting.harvester import Complex, H, Harvester, Real, half_power_band
@@ -134,8 +135,15 @@ def respond(harvester: Harvester, samples_ms2: Real, rate: float, name: str = ""
     lead = min(math.ceil(SETTLED * settling * rate), count // 2)
     step = max(1, min(round(STEP_S * rate), (count - lead) // FEWEST_STEPS))
     power, peaks = [], []
-    for rows in _blocks(harvester, samples_ms2, rate, lead, step):
-        steps = np.abs(rows).reshape(len(rows), -1, step)
+    # in blocks of whole steps, each led in by the samples before
+    whole = (count - lead) // step * step
+    taken = min(whole, max(1, max(BLOCK, 3 * lead) // step) * step)
+    filtering = _transfer(harvester, lead + taken, rate)
+    for start in range(0, whole, taken):
+        # the last block reaches back, for its length to be that of the others
+        begin = min(start, whole - taken)
+        rows = _filtered(filtering, samples_ms2[begin : begin + lead + taken])
+        steps = np.abs(rows[:, lead + start - begin :]).reshape(len(rows), -1, step)
         power.append(np.mean(steps[0] ** 2, axis=-1))
         peaks.append(steps.max(axis=-1))
     highest, between = np.concatenate(peaks, axis=1), []
@@ -161,23 +169,6 @@ def _answer(harvester: Harvester, power_steps_w: Real, peaks: Real, steps: Real)
     )
 
 
-def _blocks(
-    harvester: Harvester, samples: Real, rate: float, lead: int, step: int
-) -> Iterator[Real]:
-    """Yield the answers in whole steps after the lead; each block is led in by the samples before.
-
-    The transform takes a block for periodic: that is forgotten within the lead.
-    """
-    whole = (len(samples) - lead) // step * step
-    taken = min(whole, max(1, max(BLOCK, 3 * lead) // step) * step)
-    filtering = _transfer(harvester, lead + taken, rate)
-    for start in range(0, whole, taken):
-        # the last block reaches back, for its length to be that of the others
-        begin = min(start, whole - taken)
-        block = samples[begin : begin + lead + taken]
-        yield _filtered(filtering, block)[:, lead + start - begin :]
-
-
 def _transfer(harvester: Harvester, length: int, rate: float) -> Complex:
     frequency: Real = np.asarray(np.fft.rfftfreq(length, 1 / rate), dtype=np.float64)
     found = harvester.transfer(np.array([harvester.load]), frequency)[:, 0]
@@ -187,9 +178,8 @@ def _transfer(harvester: Harvester, length: int, rate: float) -> Complex:
 
 def _filtered(filtering: Complex, block: Real, denser: int = 1) -> Real:
     """Answers to a block, at so many times as many instants."""
-    from scipy.fft import irfft, rfft
-
-    return np.asarray(irfft(filtering * rfft(block), denser * len(block)) * denser)
+    answers = scipy.fft.irfft(filtering * scipy.fft.rfft(block), denser * len(block))
+    return np.asarray(answers * denser)
 
 
 def by_load(
@@ -378,12 +368,10 @@ def scatter_of_mean(steps: Real) -> Scatter:
     ----------
     steps : array, shape (n,)
     """
-    from scipy.fft import dct
-
     count = len(steps)
     stretches = count / _memory(steps)
     weights = max(2, int(min(WEIGHTS_A_STRETCH * stretches, MOST_WEIGHTS, count / 4)))
-    sums = dct(steps - steps.mean())[1 : weights + 1] / math.sqrt(2 * count)
+    sums = scipy.fft.dct(steps - steps.mean())[1 : weights + 1] / math.sqrt(2 * count)
     fallen = math.pi * weights / (2 * stretches)
     variance = float(np.mean(sums**2)) / count * fallen / math.atan(fallen)
     return Scatter(float(steps.mean()), variance, weights, stretches)
@@ -395,10 +383,8 @@ def _memory(steps: Real) -> float:
     Twice the sum of its autocorrelation, over that at the first lag: what changes from step to step
     by chance is no part of it, and would make it look shorter.
     """
-    from scipy.signal import correlate
-
     count, own = len(steps), steps - steps.mean()
-    correlation = correlate(own, own)[count - 1 :][: count // 2 * 2 + 1]
+    correlation = scipy.signal.correlate(own, own)[count - 1 :][: count // 2 * 2 + 1]
     first = correlation[1]
     # two standard deviations of the first one without any memory
     if first <= 2 / math.sqrt(count) * correlation[0]:
@@ -462,12 +448,10 @@ def interval_90(scatter: Scatter) -> tuple[float, float]:
     ----------
     scatter : Scatter
     """
-    from scipy.stats import t as student_t
-
     if scatter.mean <= 0:
         return math.nan, math.nan
     relative = scatter.variance / scatter.mean**2
-    ends = student_t.ppf([0.05, 0.95], scatter.freedom)
+    ends = scipy.stats.t.ppf([0.05, 0.95], scatter.freedom)
     if scatter.blocks:
         rng, found = np.random.default_rng(0), math.log1p(max(relative * scatter.blocks, 1e-12))
         logs = found * scatter.freedom / rng.chisquare(scatter.freedom, (DRAWN, 1))
@@ -504,12 +488,10 @@ def power_with_stops(harvester: Harvester, samples_ms2: Real, sampling_rate_hz: 
     ArgumentError
         If a value is out of its range.
     """
-    from scipy.signal import resample
-
     rate = check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     denser = math.ceil(STRIKE_STEPS * harvester.natural_frequency_hz / rate)
     kept = np.asarray(samples_ms2)[: MOST_STRIKE_STEPS // denser]
-    push = resample(kept, denser * len(kept)) + harvester.weight_ms2
+    push = scipy.signal.resample(kept, denser * len(kept)) + harvester.weight_ms2
     power = _marched(harvester, push, denser * rate)
     settled = round(SETTLED * harvester.settling_s * denser * rate)
     return float(power[min(settled, len(power) // 2) :].mean())
@@ -517,8 +499,6 @@ def power_with_stops(harvester: Harvester, samples_ms2: Real, sampling_rate_hz: 
 
 def _marched(harvester: Harvester, push: Real, rate: float) -> Real:
     """Power at every step of the first mode; with no store u follows the velocity."""
-    from scipy.signal import cont2discrete
-
     limit, kept, modes = harvester.clearance_m, harvester.restitution, harvester.modes
     leak, worth = harvester.circuit(harvester.load)
     drive = float(modes.rows[0, 0] / modes.rows[1, 0])
@@ -532,7 +512,7 @@ def _marched(harvester: Harvester, push: Real, rate: float) -> Real:
     else:
         rates[1:, 1:] = (-lost - back * drive / leak, 0.0), (0.0, 0.0)
     system = rates, np.array([[0.0], [force], [0.0]]), np.eye(3), np.zeros((3, 1))
-    step, pushed, *_ = cont2discrete(system, 1 / rate)
+    step, pushed, *_ = scipy.signal.cont2discrete(system, 1 / rate)
     (a, b, c), (d, e, f), (g, h, i) = step.tolist()
     p, q, r = pushed[:, 0].tolist()
     x = v = u = 0.0

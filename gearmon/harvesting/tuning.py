@@ -47,6 +47,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.harvesting import cantilever, response
@@ -211,8 +212,6 @@ def _polished(
     That is the mean over the operating points, or of several harvesters that of the worst one.
     Returned with it; below 0 by the largest peak over its limit where that cannot be kept.
     """
-    from scipy.optimize import minimize
-
     worst = len(shares) > 1
     known: dict[tuple[float, ...], tuple[Real, float]] = {}
 
@@ -234,7 +233,7 @@ def _polished(
     # the last variable stays below the power of every point
     rules = [lambda x: np.log(told(x)[0]) - x[-1]] if worst else []
     rules += [] if math.isinf(most) else [lambda x: math.log(most / max(told(x)[1], 1e-300))]
-    minimize(
+    scipy.optimize.minimize(
         (lambda x: -x[-1]) if worst else (lambda x: -math.log(told(x)[0][0])),
         np.append(start, np.log(told(start)[0]).min()) if worst else start,
         method="COBYLA",
@@ -308,7 +307,6 @@ def bandwidth_against_quality(
 
 def _best_load(harvester: Harvester, points: Points) -> tuple[float, float]:
     """Load that gives most as the harvester is tuned, and that power [W]."""
-    from scipy.optimize import minimize_scalar
 
     def power_w(loads: Real) -> Real:
         return mean_power_w(harvester, points, loads)
@@ -316,7 +314,7 @@ def _best_load(harvester: Harvester, points: Points) -> tuple[float, float]:
     grid = np.geomspace(*harvester.load_range, LOADS)
     top = int(np.argmax(power_w(grid)))
     near = np.log([grid[max(top - 1, 0)], grid[min(top + 1, LOADS - 1)]])
-    found = minimize_scalar(lambda x: -power_w(np.exp([x]))[0], bounds=near, method="bounded")
+    found = scipy.optimize.minimize_scalar(lambda x: -power_w(np.exp([x]))[0], bounds=near)
     return math.exp(found.x), -float(found.fun)
 
 

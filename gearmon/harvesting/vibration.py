@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gearmon.errors import ArgumentError, check_positive, check_type
 from gearmon.harvesting.harvester import Real
@@ -272,20 +273,18 @@ def vibration_of_samples(
     ArgumentError
         If there are too few samples or the rate is not > 0.
     """
-    from scipy.fft import next_fast_len, rfft
-
     rate = check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     samples = np.asarray(acceleration_ms2, dtype=np.float64)
     if samples.ndim != 1 or len(samples) < 16:
         raise ArgumentError(f"samples: shape {samples.shape}, one row of at least 16 is needed")
     samples = samples - samples.mean()
     count = len(samples)
-    length = next_fast_len(count, real=True)
+    length = scipy.fft.next_fast_len(count, real=True)
     power = np.zeros(length // 2 + 1)
     turn = math.pi * np.arange(1, count + 1) / (count + 1)
     for order in range(1, TAPERS + 1):
         tapered = math.sqrt(2 / (count + 1)) * np.sin(order * turn) * samples
-        power += np.abs(rfft(tapered, length)) ** 2 * (2 / length / TAPERS)
+        power += np.abs(scipy.fft.rfft(tapered, length)) ** 2 * (2 / length / TAPERS)
     power[-1] /= 1 + (length % 2 == 0)  # the bin at half the rate stands for itself
     step = rate / length
     first = max(1, math.ceil(DRIFT_HZ / step))
@@ -311,22 +310,19 @@ def line_numbers(vibration: Vibration) -> npt.NDArray[np.int64]:
     vibration : Vibration
         Of bins; of lines each is its own, but for those of no power.
     """
-    from scipy.ndimage import median_filter, uniform_filter1d
-    from scipy.signal import find_peaks
-    from scipy.stats import chi2
-
     power = vibration.mean_square_m2s4
     if vibration.resolution_hz == 0:
         return np.where(power > 0, np.cumsum(power > 0), 0)
     place = np.log(vibration.frequency_hz) / CELL
     cells, starts = np.unique(np.floor(place), return_index=True)
     medians = np.array([np.median(part) for part in np.split(power, starts[1:])])
-    floor = np.interp(place, cells + 0.5, median_filter(medians, FLOOR_CELLS, mode="nearest"))
+    medians = scipy.ndimage.median_filter(medians, FLOOR_CELLS, mode="nearest")
+    floor = np.interp(place, cells + 0.5, medians)
     above = power / np.maximum(floor, np.finfo(float).tiny)
-    freedom = 2 * TAPERS
+    freedom, chi2 = 2 * TAPERS, scipy.stats.chi2
     needed = float(chi2.isf(CHANCE / len(power), freedom) / chi2.median(freedom))
-    smooth = np.log(uniform_filter1d(above, 5))
-    peaks, _ = find_peaks(smooth, prominence=math.log(DIP))
+    smooth = np.log(scipy.ndimage.uniform_filter1d(above, 5))
+    peaks, _ = scipy.signal.find_peaks(smooth, prominence=math.log(DIP))
     found = np.zeros(len(power), dtype=np.int64)
     dips = [a + int(np.argmin(smooth[a:b])) for a, b in pairwise(peaks)]
     for line, (low, high) in enumerate(pairwise([0, *dips, len(power)]), 1):

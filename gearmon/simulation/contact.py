@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.faults import GearError
-from gearmon.gears.pulses import LEAST_OVERLAP, PulseTrain
-from gearmon.gears.stiffness import MeshStiffness
+from gearmon.gears.mechanics import StageMechanics
+from gearmon.gears.pulses import LEAST_OVERLAP
 from gearmon.simulation.integrate import Course, divided_course
 
 #: Share of the tolerance that a machine tool uses up.
@@ -282,8 +282,8 @@ class ToothMesh:
 
     Parameters
     ----------
-    stage : int
-        Number of the stage, counted from 1.
+    mechanics : StageMechanics
+        At the mean load, with the damage that acts in this mesh.
     name : str
         Such as "pinion-gear" or "sun-planet 2".
     order : float
@@ -295,8 +295,6 @@ class ToothMesh:
         Of the first and of the second gear.
     base_pitch_m : float
         Transverse base pitch [m].
-    stiffness : MeshStiffness
-        With the damage that acts in this mesh.
     backlash_m : float
         Along the line of action [m].
     place_turns : float
@@ -306,14 +304,13 @@ class ToothMesh:
         runout shifts the instants of contact only.
     """
 
-    stage: int
+    mechanics: StageMechanics
     name: str
     order: float
     offset: float
     teeth: tuple[int, int]
     errors: tuple[GearErrors, GearErrors]
     base_pitch_m: float
-    stiffness: MeshStiffness
     backlash_m: float
     place_turns: float = 0.0
     floating: bool = False
@@ -353,8 +350,9 @@ class ToothMesh:
 
         `count` must broadcast against `passed`.
         """
-        total = self._single.at(passed)
-        for train in self.stiffness.pulses:
+        stiffness = self.mechanics.stiffness
+        total = replace(stiffness.healthy, period_mesh=_ONCE).at(passed)
+        for train in stiffness.pulses:
             for term in train.terms:
                 hurt = (count - round(term.offset)) % train.period_mesh == 0
                 if hurt.any():
@@ -366,19 +364,16 @@ class ToothMesh:
     @property
     def most_pairs(self) -> int:
         """Largest number of pairs in contact at a time."""
-        return math.ceil(self.stiffness.total_contact_ratio - 1e-9)
+        return math.ceil(self.mechanics.stiffness.total_contact_ratio - 1e-9)
 
     @cached_property
     def events(self) -> FloatArray:
         """Phases in [0, 1) at which the stiffness of some pair is not smooth."""
-        terms = (term for train in self.stiffness.trains for term in train.terms)
-        corners = [term.corners(self.stiffness.overlap_ratio) for term in terms]
+        stiffness = self.mechanics.stiffness
+        terms = (term for train in stiffness.trains for term in train.terms)
+        corners = [term.corners(stiffness.overlap_ratio) for term in terms]
         places = np.concatenate([np.zeros(1), *corners])
         return np.unique(np.round(np.mod(places, 1.0), 12) % 1.0)
-
-    @cached_property
-    def _single(self) -> PulseTrain:
-        return replace(self.stiffness.healthy, period_mesh=_ONCE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -424,7 +419,7 @@ def contact_course(
     times = _events(meshes, drive.motion, span_s)
     turns = drive.motion.turns(times)
     speed = drive.motion.speed_hz(times)
-    spur = all(mesh.stiffness.overlap_ratio < LEAST_OVERLAP for mesh in meshes)
+    spur = all(mesh.mechanics.stiffness.overlap_ratio < LEAST_OVERLAP for mesh in meshes)
     nodes = _SPUR_NODES if spur else _HELICAL_NODES
     to_powers = np.linalg.inv(nodes[:, None] ** np.arange(len(nodes)))
     pairs, inputs = max(mesh.most_pairs for mesh in meshes), [drive.load_factor(times, turns)]

@@ -18,6 +18,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
@@ -205,75 +206,24 @@ class MeshForces:
     end_state: FloatArray
     joint_mismatch: float
 
-    @property
-    def steps_s(self) -> FloatArray:
-        """Where the steps of the course begin, and where the last one ends [s]."""
-        times = self.course.times_s
-        share = np.arange(SUBSTEPS) / SUBSTEPS
-        return np.append((times[:-1, None] + np.diff(times)[:, None] * share).ravel(), times[-1])
 
-
-@dataclass(frozen=True, eq=False)
 class March:
-    """Many chunks on their way along one course.
+    """Many chunks on their way along one course, by Runge-Kutta steps.
+
+    Its arrays are filled again and again, for that is where time goes.
 
     Parameters
     ----------
     system : GearedSystem
     course : Course
+    state : ndarray, shape (2 m, chunks)
+        p, then p'.
+    substeps : int
+        Steps in a piece.
     """
 
-    system: GearedSystem
-    course: Course
-
-    def run(
-        self,
-        state: FloatArray,
-        first: IntArray,
-        count: int,
-        substeps: int,
-        record: NDArray[np.float32] | None = None,
-        progress: Progress | None = None,
-    ) -> FloatArray:
-        """Advance all chunks by the same number of pieces.
-
-        Parameters
-        ----------
-        state : ndarray, shape (2 m, chunks)
-            p, then p'.
-        first : ndarray of int, shape (chunks,)
-            First piece of each chunk. Pieces before the beginning or after the end of the course
-            last no time.
-        count : int
-            Pieces to take.
-        substeps : int
-            Steps in a piece.
-        record : ndarray of float32, shape (3, meshes, count * substeps, chunks), optional
-            Takes the impulses [N s] of the steps and the forces [N] at their ends.
-        progress : callable, optional
-            Called with the share done.
-
-        Returns
-        -------
-        ndarray, shape (2 m, chunks)
-            The state reached.
-        """
-        stepper = _Stepper(self.system, self.course, state, substeps)
-        for i in range(count):
-            stepper.enter(first + i)
-            for j in range(substeps):
-                into = None if record is None else record[:, :, i * substeps + j]
-                stepper.advance(2 * j, into)
-            if progress is not None and i % 16 == 0:
-                progress(i / count)
-        return np.array(stepper.state)
-
-
-class _Stepper:
-    """The Runge-Kutta step; its arrays are filled again and again, for that is where time goes."""
-
     def __init__(
-        self, system: GearedSystem, course: Course, state: FloatArray, substeps: int
+        self, system: GearedSystem, course: Course, state: FloatArray, substeps: int = SUBSTEPS
     ) -> None:
         (meshes, size), chunks = system.vectors.shape, state.shape[1]
         self._course, self._lengths_s = course, np.diff(course.times_s)
@@ -291,15 +241,45 @@ class _Stepper:
         self._states, self._inputs = self._rows[:, : 2 * size], self._rows[:, 2 * size + meshes :]
         self._forces = self._rows[:, 2 * size : 2 * size + meshes]
         self._rates = np.empty((4, 2 * size, chunks))
-        self.state = self._states[0]
-        self.state[:] = state
+        self._state = self._states[0]
+        self._state[:] = state
         self._seen = np.empty((2, meshes, chunks))
         self._gap = np.empty((course.deviation.shape[0], meshes, chunks))
         self._elastic = np.empty((meshes, chunks))
         self._step, self._half, self._sixth = np.empty((3, 2 * size, chunks))
         self._total = np.empty((2 * size, chunks))
 
-    def enter(self, wanted: IntArray) -> None:
+    def run(
+        self,
+        first: IntArray,
+        count: int,
+        record: NDArray[np.float32] | None = None,
+        progress: Progress | None = None,
+    ) -> FloatArray:
+        """Advance all chunks by the same number of pieces, and return the state reached.
+
+        Parameters
+        ----------
+        first : ndarray of int, shape (chunks,)
+            First piece of each chunk. Pieces before the beginning or after the end of the course
+            last no time.
+        count : int
+            Pieces to take.
+        record : ndarray of float32, shape (3, meshes, count * substeps, chunks), optional
+            Takes the impulses [N s] of the steps and the forces [N] at their ends.
+        progress : callable, optional
+            Called with the share done.
+        """
+        for i in range(count):
+            self._enter(first + i)
+            for j in range(self._substeps):
+                into = None if record is None else record[:, :, i * self._substeps + j]
+                self._advance(2 * j, into)
+            if progress is not None and i % 16 == 0:
+                progress(i / count)
+        return np.array(self._state)
+
+    def _enter(self, wanted: IntArray) -> None:
         """Let the chunks begin the pieces `wanted`, one each."""
         course = self._course
         piece = np.clip(wanted, 0, course.pieces - 1)
@@ -318,7 +298,7 @@ class _Stepper:
         slope = np.take(course.inputs, interval + 1, axis=-1) - before
         self._inputs[:] = np.concatenate([before + slope * start, slope * width])
 
-    def advance(self, node: int, record: NDArray[np.float32] | None) -> None:
+    def _advance(self, node: int, record: NDArray[np.float32] | None) -> None:
         """Make the step that begins at a node of the piece (two to a step) and write its forces."""
         rates = self._rates
         self._rate(0, node)
@@ -341,12 +321,12 @@ class _Stepper:
         total += rates[0]
         total += rates[3]
         total *= self._sixth
-        self.state += total
+        self._state += total
 
     def _move(self, stage: int, step: FloatArray) -> None:
         moved = self._states[stage]
         np.multiply(step, self._rates[stage - 1], out=moved)
-        moved += self.state
+        moved += self._state
 
     def _rate(self, stage: int, node: int) -> None:
         size, rate, rows, gap = self._size, self._rates[stage], self._rows[stage], self._gap
@@ -403,44 +383,30 @@ def integrate(
     MeshForces
     """
     plans = _plans(system, course.pieces, run_in) if chunks is None else [(1, run_in, chunks)]
-    for passes, own, count in plans:
+    at_rest = np.append(system.at_rest, np.zeros(len(system.stiffness)))
+    meshes = len(system.vectors)
+    for passes, own, wanted in plans:
 
         def tell(done: float, passes: int = passes) -> None:
+            """Tell how often all of the course has been done."""
             if progress is not None:
                 progress(min(1.0, done / passes))
 
-        found = _integrated(system, course, own, start, count, tell)
+        length = -(-course.pieces // wanted)
+        # rounded lengths may leave nothing for the last chunks
+        count = -(-course.pieces // length)
+        first, coarse = np.arange(count) * length, int(COARSE_SHARE * own)
+        state = np.repeat(at_rest[:, None], count, axis=1)
+        if start is not None:
+            state[:, first <= own] = start.reshape(-1, 1)
+        state = March(system, course, state, COARSE_SUBSTEPS).run(first - own, coarse)
+        begun = March(system, course, state).run(first - own + coarse, own - coarse)
+        record = np.empty((3, meshes, length * SUBSTEPS, count), dtype=np.float32)
+        ended = March(system, course, begun).run(first, length, record, tell)
+        mismatch = _join(system, course, record, begun, ended, first, tell)
         # slow modes of irregular motion must forget by themselves
-        if found.joint_mismatch <= JOINT_TOLERANCE:
+        if mismatch <= JOINT_TOLERANCE:
             break
-    return found
-
-
-def _integrated(
-    system: GearedSystem,
-    course: Course,
-    run_in: int,
-    start: FloatArray | None,
-    chunks: int,
-    tell: Progress,
-) -> MeshForces:
-    """Integrate in chunks, each with a run-in; `tell` how often all of the course has been done."""
-    length = -(-course.pieces // chunks)
-    # rounded lengths may leave nothing for the last chunks
-    count = -(-course.pieces // length)
-    first = np.arange(count) * length
-    at_rest = np.append(system.at_rest, np.zeros(len(system.stiffness)))
-    state = np.repeat(at_rest[:, None], count, axis=1)
-    if start is not None:
-        state[:, first <= run_in] = start.reshape(-1, 1)
-    march = March(system, course)
-    coarse = int(COARSE_SHARE * run_in)
-    state = march.run(state, first - run_in, coarse, COARSE_SUBSTEPS)
-    begun = march.run(state, first - run_in + coarse, run_in - coarse, SUBSTEPS)
-    meshes = len(system.vectors)
-    record = np.empty((3, meshes, length * SUBSTEPS, count), dtype=np.float32)
-    ended = march.run(begun, first, length, SUBSTEPS, record, tell)
-    mismatch = _join(march, record, begun, ended, first, tell)
     # the last chunk goes on beyond the end of the course with steps that last no time
     ordered = record.swapaxes(2, 3).reshape(3, meshes, -1)
     impulses, starts, ends = ordered[:, :, : course.pieces * SUBSTEPS]
@@ -473,7 +439,8 @@ def _plans(system: GearedSystem, pieces: int, run_in: int) -> list[tuple[int, in
 
 
 def _join(
-    march: March,
+    system: GearedSystem,
+    course: Course,
     record: NDArray[np.float32],
     begun: FloatArray,
     ended: FloatArray,
@@ -481,8 +448,7 @@ def _join(
     tell: Progress,
 ) -> float:
     """Make the chunks continue one another, in place; return how well they did in the end."""
-    length, system, times = record.shape[2] // SUBSTEPS, march.system, march.course.times_s
-    stiffness = system.whole_stiffness()
+    length, stiffness = record.shape[2] // SUBSTEPS, system.whole_stiffness()
     rest = math.sqrt(float(system.at_rest @ system.inputs[:, 0]))
 
     def size(state: FloatArray) -> FloatArray:
@@ -500,7 +466,9 @@ def _join(
         last = passes == REPAIR_PASSES or usual > max(IRREGULAR * earlier, JOINT_TOLERANCE)
         if not last:
             if dying is None:
-                dying = _dying(system, np.diff(times[first]))
+                # what free motion with mean mesh stiffnesses becomes over each chunk
+                spans = np.diff(course.times_s[first])[:, None, None]
+                dying = np.asarray(scipy.linalg.expm(system.free_motion * spans))
             # what comes before a chunk changes what it must begin with
             for k in range(1, jumps.shape[1]):
                 jumps[:, k] += dying[k] @ jumps[:, k - 1]
@@ -508,23 +476,11 @@ def _join(
         before = begun[:, loose] + jumps[:, loose - 1]
         again = np.empty((*record.shape[:-1], len(loose)), dtype=np.float32)
         told = part_of(tell, passes + 1, 1.0)
-        reached = march.run(before, first[loose], length, SUBSTEPS, again, told)
+        reached = March(system, course, before).run(first[loose], length, again, told)
         if last:
-            record[..., loose] = _faded(again, record[..., loose])
+            # irregular motion does not join: it is faded from one way into the other
+            share = np.linspace(0, 1, again.shape[2], endpoint=False, dtype=np.float32)[:, None]
+            record[..., loose] = again + share * (record[..., loose] - again)
             break
         begun[:, loose], ended[:, loose], record[..., loose] = before, reached, again
     return float(mismatch.max(initial=0.0))
-
-
-def _dying(system: GearedSystem, spans_s: FloatArray) -> FloatArray:
-    """Return what free motion with mean mesh stiffnesses becomes over some times."""
-    from scipy.linalg import expm
-
-    return np.asarray(expm(system.free_motion * spans_s[:, None, None]))
-
-
-def _faded(first: NDArray[np.float32], last: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return records that begin as `first` and end as `last`."""
-    steps = first.shape[2]
-    share = (np.arange(steps, dtype=np.float32) / steps)[:, None]
-    return np.asarray(first + share * (last - first), dtype=np.float32)

@@ -19,7 +19,7 @@ from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, OperatingPoint, load_machine
 from gearmon.result import Result, sample_rows, with_units
-from gearmon.simulation.contact import Drive, ShaftMotion, random_wander
+from gearmon.simulation.contact import Drive, ShaftMotion, ToothMesh, random_wander
 from gearmon.simulation.train import Settings, Train, build_train, stream
 from gearmon.simulation.vibration import (
     BEARING_SLIP,
@@ -98,22 +98,9 @@ def simulate(
     sampling_rate_hz: float = 20_000.0,
     seed: int = 0,
     *,
-    machine_seed: int | None = None,
-    recording_seed: int | None = None,
-    channels: int = 4,
-    load: float = 1.0,
-    slip: float = 0.01,
-    speed_drift: float = 0.005,
-    load_drift: float = 0.03,
-    torque_ripple: float = 0.02,
-    snr_db: float | None = 20.0,
-    accuracy_grade: float | None = 6.0,
-    unbalance: float = 1.0,
-    bearing_tones: float = 0.0,
-    mains_hz: float | None = None,
-    tacho_shaft: int | None = None,
     point: OperatingPoint | None = None,
     progress: Progress | None = None,
+    **settings: Any,
 ) -> SimulatedRecording:
     """Simulate a recording of a machine by integrating its equations of motion.
 
@@ -127,19 +114,16 @@ def simulate(
     duration_s, sampling_rate_hz : float
         Length [s], at least one turn of the slowest shaft, and rate [Hz].
     seed : int
-        Taken for `machine_seed` and `recording_seed` where these are not given.
-    machine_seed : int, optional
-        Of what belongs to the machine. Give the same one to a healthy and a faulty recording and
-        they are of the same machine, with the same pitch errors and the same path to the sensors.
-    recording_seed : int, optional
-        Of what differs between recordings: wander of speed and load, start angle, noise.
-    channels, load, slip, speed_drift, load_drift, torque_ripple, snr_db, accuracy_grade, \
-    unbalance, bearing_tones, mains_hz, tacho_shaft
-        See `Settings`.
+        Taken for `machine_seed` and `recording_seed` where these are not given. Give the same
+        `machine_seed` to a healthy and a faulty recording and they are of the same machine, with
+        the same pitch errors and the same path to the sensors.
     point : OperatingPoint, optional
         By default the machine's first.
     progress : callable, optional
         Called now and then with the share done, 0 to 1.
+    **settings
+        See `Settings`: machine_seed, recording_seed, channels, load, slip, speed_drift, load_drift,
+        torque_ripple, snr_db, accuracy_grade, unbalance, bearing_tones, mains_hz, tacho_shaft.
 
     Returns
     -------
@@ -173,26 +157,11 @@ def simulate(
     >>> recording.samples.shape, recording.truth["faults"][0]["tooth"]
     ((1, 4000), 7)
     """
-    settings = Settings(
-        duration_s=duration_s,
-        sampling_rate_hz=sampling_rate_hz,
-        machine_seed=seed if machine_seed is None else machine_seed,
-        recording_seed=seed if recording_seed is None else recording_seed,
-        channels=channels,
-        load=load,
-        slip=slip,
-        speed_drift=speed_drift,
-        load_drift=load_drift,
-        torque_ripple=torque_ripple,
-        snr_db=snr_db,
-        accuracy_grade=accuracy_grade,
-        unbalance=unbalance,
-        bearing_tones=bearing_tones,
-        mains_hz=mains_hz,
-        tacho_shaft=tacho_shaft,
-    )
+    wanted: dict[str, Any] = {"duration_s": duration_s, "sampling_rate_hz": sampling_rate_hz}
+    wanted |= {"machine_seed": seed, "recording_seed": seed} | settings
     known = faults_of(faults, errors=True)
-    return record(load_machine(machine), known, settings, point=point, progress=progress)
+    made = load_machine(machine), known, Settings(**wanted)
+    return record(*made, point=point, progress=progress)
 
 
 def record(
@@ -259,16 +228,12 @@ def _drive(machine: Machine, settings: Settings, point: OperatingPoint) -> Drive
         generator = stream(settings.machine_seed, "ripple", shaft.number)
         size, angle = generator.uniform(0.3, 1.0), generator.uniform(0, 2 * math.pi)
         ripples.append((shaft.order, settings.torque_ripple * size, angle))
-    seed = settings.recording_seed
-    return Drive(
-        motion=ShaftMotion(
-            mean_hz=settings.mean_shaft1_hz(point),
-            wander=random_wander(settings.speed_drift, stream(seed, "speed")),
-            start_turns=float(stream(seed, "start").uniform(0, 1000)),
-        ),
-        load=random_wander(settings.load_drift, stream(seed, "load")),
-        ripples=tuple(ripples),
-    )
+    seed, mean_hz = settings.recording_seed, settings.mean_shaft1_hz(point)
+    wander = random_wander(settings.speed_drift, stream(seed, "speed"))
+    start_turns = float(stream(seed, "start").uniform(0, 1000))
+    motion = ShaftMotion(mean_hz=mean_hz, wander=wander, start_turns=start_turns)
+    load = random_wander(settings.load_drift, stream(seed, "load"))
+    return Drive(motion=motion, load=load, ripples=tuple(ripples))
 
 
 def _additions(
@@ -318,6 +283,14 @@ def _truth(
     """
     speed = _speed(settings, point, drive)
     wander = settings.load * (1 + drive.load.value(_times(settings)))
+    notes = [*train.notes]
+    for mesh in train.meshes:
+        notes += mesh.mechanics.stiffness.warnings
+    if integration["joint_mismatch"] > IRREGULAR:
+        notes.append(
+            "irregular motion with loss of contact: parts of the record are faded from one "
+            "possible motion into another"
+        )
     return {
         "kind": "truth of a simulated recording",
         "gearmon_version": __version__,
@@ -346,10 +319,10 @@ def _truth(
             {"stage": m.stage, "order": m.order, "frequency_hz": m.order * speed["mean_hz"]}
             for m in kinematics(machine).meshes
         ],
-        "meshes": [_mesh(train, drive, number) for number in range(len(train.meshes))],
+        "meshes": [_mesh(mesh, drive) for mesh in train.meshes],
         "natural_frequencies_hz": train.system.natural_frequencies_hz().tolist(),
         "integration": integration,
-        "notes": [*train.notes, *_remarks(integration, train)],
+        "notes": list(dict.fromkeys(notes)),
     }
 
 
@@ -387,11 +360,10 @@ def _times(settings: Settings) -> FloatArray:
     return np.linspace(0.0, settings.samples / settings.sampling_rate_hz, 4097)
 
 
-def _mesh(train: Train, drive: Drive, number: int) -> dict[str, Any]:
-    mesh, mechanics = train.meshes[number], train.mechanics[number]
-    stiffness = mechanics.stiffness
+def _mesh(mesh: ToothMesh, drive: Drive) -> dict[str, Any]:
+    mechanics, stiffness = mesh.mechanics, mesh.mechanics.stiffness
     return {
-        "stage": mesh.stage,
+        "stage": mechanics.stage,
         "mesh": mesh.name,
         "teeth": list(mesh.teeth),
         "phase_at_start": float(mesh.phase(np.array([drive.motion.start_turns]))[0]),
@@ -407,16 +379,6 @@ def _mesh(train: Train, drive: Drive, number: int) -> dict[str, Any]:
             for errors in mesh.errors
         ],
     }
-
-
-def _remarks(integration: dict[str, float], train: Train) -> list[str]:
-    remarks = [warning for m in train.mechanics for warning in m.stiffness.warnings]
-    if integration["joint_mismatch"] > IRREGULAR:
-        remarks.append(
-            "irregular motion with loss of contact: parts of the record are faded from one "
-            "possible motion into another"
-        )
-    return list(dict.fromkeys(remarks))
 
 
 def write_simulation(

@@ -23,7 +23,7 @@ from gearmon.gears.assembly import WIDTH_OVER_MODULE, drive_train, of_told_beari
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.mechanics import DriveTrain, Spring, StageMechanics, stage_mechanics
+from gearmon.gears.mechanics import DriveTrain, Spring, stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.machine import Machine, OperatingPoint
 from gearmon.machine.fields import Checked, Count, held, within
@@ -190,8 +190,6 @@ class Train:
         Its inputs: the load over its mean, then the acceleration of the runout [m/s2] of each mesh
         that does not float.
     meshes : tuple of ToothMesh
-    mechanics : tuple of StageMechanics
-        One for each mesh, at the mean load.
     gear_mass_kg : float
         Mass of all gears as solid discs; what a ring weighs goes with the housing.
     carrier_orders : tuple of float
@@ -203,7 +201,6 @@ class Train:
 
     system: GearedSystem
     meshes: tuple[ToothMesh, ...]
-    mechanics: tuple[StageMechanics, ...]
     gear_mass_kg: float
     carrier_orders: tuple[float, ...]
     notes: tuple[str, ...]
@@ -211,12 +208,12 @@ class Train:
     @property
     def static_force(self) -> FloatArray:
         """Force of every mesh [N] under the mean load."""
-        return np.array([own.force_n for own in self.mechanics])
+        return np.array([own.mechanics.force_n for own in self.meshes])
 
     @property
     def greatest_stiffness(self) -> FloatArray:
         """Of every mesh without damage [N/m]."""
-        variation = np.array([own.stiffness.variation for own in self.mechanics])
+        variation = np.array([own.mechanics.stiffness.variation for own in self.meshes])
         return np.asarray(self.system.means * (1 + variation))
 
 
@@ -269,12 +266,21 @@ def build_train(
     train = drive_train(of_told_bearings(machine), running)
     drawn = partial(_errors, faults, seed, accuracy_grade)
     sides = _meshes(machine, faults, running, load, train, pairs, drawn)
-    springs, meshes, mechanics = zip(*sides, strict=True)
+    springs, meshes = zip(*sides, strict=True)
     floats = "a floating sun shares the load among planets but for the pitch deviations"
+    forces = {own.mechanics.stage: own.mechanics.force_n for own in meshes}
+    loads = [train.load(forces)]
+    # runout of a mesh that strains nothing: all behind it turns
+    rows = np.concatenate([own.rows[0:1] for own in springs])
+    still = [own.stiffness @ own.rows for own in train.springs if own not in springs]
+    still = [own / np.linalg.norm(own) for own in still]
+    free = np.linalg.pinv(np.concatenate([rows, *still]), rcond=1e-9)
+    loads += [-train.mass @ free[:, j] for j, mesh in enumerate(meshes) if not mesh.floating]
+    around = train.around(springs, np.transpose(loads), carried_hz)
+    backlash_m = np.array([mesh.backlash_m for mesh in meshes])
     return Train(
-        system=_system(train, springs, meshes, mechanics, carried_hz),
+        system=GearedSystem(**vars(around), backlash_m=backlash_m),
         meshes=meshes,
-        mechanics=mechanics,
         gear_mass_kg=sum(_gear_mass_kg(own[0]) for own in pairs),
         carrier_orders=tuple(float(mesh.carrier) for mesh in kinematics(machine).meshes),
         notes=(*train.notes, *([floats] if train.planets else [])),
@@ -289,7 +295,7 @@ def _meshes(
     train: DriveTrain,
     pairs: Sequence[Sequence[MeshPair]],
     drawn: Callable[[MeshPair, GearTeeth, str], GearErrors],
-) -> Iterator[tuple[Spring, ToothMesh, StageMechanics]]:
+) -> Iterator[tuple[Spring, ToothMesh]]:
     """Give the meshes stage by stage, those with the sun before those with the ring."""
     for number, own in enumerate(pairs, start=1):
         is_set = number in train.planets
@@ -312,19 +318,18 @@ def _meshes(
             module_mm = pair.need("module_mm", "backlash")
             backlash_m = 2e-3 / 3 * (0.06 + 0.0005 * distance_mm + 0.03 * module_mm)
             mesh = ToothMesh(
-                stage=number,
+                mechanics=mechanics,
                 name=pair.name + name,
                 order=kinematics(machine).mesh(number).order,
                 offset=spring.phase,
                 teeth=pair.teeth,
                 errors=(first, second),
                 base_pitch_m=pair.geometry.base_pitch_m,
-                stiffness=mechanics.stiffness,
                 backlash_m=backlash_m,
                 place_turns=angle / (2 * math.pi),
                 floating=is_set,
             )
-            yield spring, mesh, mechanics
+            yield spring, mesh
 
 
 def _errors(
@@ -340,13 +345,10 @@ def _errors(
     else:
         # a planet has two flanks at work, and there are several planets
         flank = f"{pair.name}{planet}" if member.name == "planet" else ""
-        own = random_errors(
-            member.teeth,
-            pair.geometry.transverse_module_m * member.teeth,
-            1e-3 * pair.need("module_mm", "pitch errors"),
-            accuracy_grade,
-            stream(seed, "errors", pair.number or 1, member.name, flank),
-        )
+        generator = stream(seed, "errors", pair.number or 1, member.name, flank)
+        diameter_m = pair.geometry.transverse_module_m * member.teeth
+        sizes_m = diameter_m, 1e-3 * pair.need("module_mm", "pitch errors")
+        own = random_errors(member.teeth, *sizes_m, accuracy_grade, generator)
     for error in faults:
         if isinstance(error, GearError) and (error.stage, error.gear) == (pair.number, member.name):
             own = own.with_error(error)
@@ -359,22 +361,3 @@ def _gear_mass_kg(pair: MeshPair) -> float:
     area = math.pi * (radii[0] ** 2 + pair.planets * radii[1] ** 2)
     width_m = WIDTH_OVER_MODULE * module if width is None else 1e-3 * width
     return pair.stage.density_kgm3 * width_m * area
-
-
-def _system(
-    train: DriveTrain,
-    springs: Sequence[Spring],
-    meshes: Sequence[ToothMesh],
-    mechanics: Sequence[StageMechanics],
-    carried_hz: float,
-) -> GearedSystem:
-    loads = [train.load({own.stage: own.force_n for own in mechanics})]
-    # runout of a mesh that strains nothing: all behind it turns
-    rows = np.concatenate([own.rows[0:1] for own in springs])
-    still = [own.stiffness @ own.rows for own in train.springs if own not in springs]
-    still = [own / np.linalg.norm(own) for own in still]
-    free = np.linalg.pinv(np.concatenate([rows, *still]), rcond=1e-9)
-    loads += [-train.mass @ free[:, j] for j, mesh in enumerate(meshes) if not mesh.floating]
-    backlash_m = np.array([mesh.backlash_m for mesh in meshes])
-    around = train.around(springs, np.transpose(loads), carried_hz)
-    return GearedSystem(**vars(around), backlash_m=backlash_m)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +92,11 @@ def triangle_means(
     step the force is the parabola with the known integral and the known values at both ends.
     """
     edges = start_s + cell_s * np.arange(cells + 1, dtype=np.float64)
-    rows, steps_s = [forces.impulses_ns, forces.starts_n, forces.ends_n], forces.steps_s
+    rows = [forces.impulses_ns, forces.starts_n, forces.ends_n]
+    # where the steps begin, and where the last one ends
+    times, share = forces.course.times_s, np.arange(SUBSTEPS) / SUBSTEPS
+    begins = times[:-1, None] + np.diff(times)[:, None] * share
+    steps_s = np.append(begins.ravel(), times[-1])
     parts = [
         _moments(rows, steps_s, edges[first : first + CELLS_PER_BLOCK + 1])
         for first in range(0, cells, CELLS_PER_BLOCK)
@@ -165,25 +170,15 @@ def fade_ends(rows: FloatArray, flank: int) -> None:
     rows[:, -flank:] *= rise[::-1]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Grid:
-    """Samples and cells of a record with a lead and a tail that are cut off at the end."""
+class _Grid(NamedTuple):
+    """Cells of a record, with a lead and a tail that are cut off at the end."""
 
-    samples: int
+    cells: int
     lead: int
-    oversampling: int
-    rate_hz: float
-
-    @property
-    def cells(self) -> int:
-        return self.samples * self.oversampling
-
-    @property
-    def cell_s(self) -> float:
-        return 1 / (self.rate_hz * self.oversampling)
+    cell_s: float
 
     def edge_s(self, cell: int) -> float:
-        return (cell - self.lead * self.oversampling) * self.cell_s
+        return (cell - self.lead) * self.cell_s
 
 
 def mesh_vibration(
@@ -212,28 +207,30 @@ def mesh_vibration(
     frequencies = train.system.natural_frequencies_hz(train.greatest_stiffness)
     rate = settings.sampling_rate_hz
     flank = math.ceil(_FLANK_S * rate) + 8
-    lead = flank + math.ceil(path.decay_s() * rate)
+    # until the slowest mode has fallen to 1e-5
+    slowest = float((path.damping_ratios * path.frequencies_hz).min())
+    lead = flank + math.ceil(math.log(1e5) / (2 * math.pi * slowest) * rate)
     samples = 2 * next_fast_len(-(-(settings.samples + lead + 2 * flank) // 2), real=True)
     cells = max(CELLS_PER_SAMPLE, math.ceil(CELLS_PER_PERIOD * frequencies[-1] / rate))
     oversampling = next_fast_len(cells, real=True)
-    grid = _Grid(samples=samples, lead=lead, oversampling=oversampling, rate_hz=rate)
-    forces, integration = _stage_forces(train, drive, grid, frequencies, progress)
+    grid = _Grid(samples * oversampling, lead * oversampling, 1 / (rate * oversampling))
+    fastest_hz = float(np.abs(train.system.rates).max()) / (2 * math.pi)
+    every_hz = np.append(frequencies, fastest_hz)
+    carried_hz = every_hz[every_hz <= CARRIED_SHARE * rate].max(initial=0.0)
+    fast = STEPS_PER_FAST_PERIOD * float(every_hz.max())
+    step_s = 1 / max(STEPS_PER_PERIOD * float(carried_hz), fast)
+    forces, integration = _stage_forces(train, drive, grid, step_s, progress)
     _add_profile(forces, train, drive, grid)
     fade_ends(forces, math.ceil(_FLANK_S / grid.cell_s))
-    spectra = band_spectrum(forces, grid.oversampling)
+    spectra = band_spectrum(forces, oversampling)
     heard = through_path(path, spectra, samples, rate)
     return heard[:, lead : lead + settings.samples].copy(), integration
 
 
 def _stage_forces(
-    train: Train, drive: Drive, grid: _Grid, frequencies_hz: FloatArray, progress: Progress | None
+    train: Train, drive: Drive, grid: _Grid, step_s: float, progress: Progress | None
 ) -> tuple[FloatArray, dict[str, float]]:
     """Return the dynamic force that every stage puts on the housing, cell by cell."""
-    fastest_hz = float(np.abs(train.system.rates).max()) / (2 * math.pi)
-    every_hz = np.append(frequencies_hz, fastest_hz)
-    carried_hz = every_hz[every_hz <= CARRIED_SHARE * grid.rate_hz].max(initial=0.0)
-    fast = STEPS_PER_FAST_PERIOD * float(every_hz.max())
-    step_s = 1 / max(STEPS_PER_PERIOD * float(carried_hz), fast)
     run_in_s = RUN_IN_CONSTANTS / train.system.decay_rate
     in_memory = STEPS_PER_BLOCK // len(train.meshes) * step_s
     per_block = max(1, min(grid.cells, int(in_memory / grid.cell_s)))
@@ -256,11 +253,11 @@ def _stage_forces(
         times = grid.edge_s(first) + grid.cell_s * np.arange(last - first)
         turns = drive.motion.turns(times) if any(train.carrier_orders) else times
         for mesh, mean in zip(train.meshes, means, strict=True):
-            carrier = train.carrier_orders[mesh.stage - 1]
+            carrier = train.carrier_orders[mesh.mechanics.stage - 1]
             if carrier:
                 passing = 0.5 + 0.5 * np.cos(2 * np.pi * (carrier * turns + mesh.place_turns))
                 mean *= 1 - PLANET_PASS_DEPTH * (1 - passing)
-            forces[mesh.stage - 1, first:last] += mean
+            forces[mesh.mechanics.stage - 1, first:last] += mean
         state, before_s = result.end_state, span[1]
         mismatch, steps = max(mismatch, result.joint_mismatch), steps + course.pieces * SUBSTEPS
     return forces, {"longest_step_s": step_s, "steps": steps, "joint_mismatch": mismatch}
@@ -283,7 +280,7 @@ def _add_profile(forces: FloatArray, train: Train, drive: Drive, grid: _Grid) ->
         inertia = angular**2 / float(system.vectors[number] @ system.vectors[number])
         spring = system.means[number] + 1j * angular * system.dampers[number]
         force = spring * inertia / (spring - inertia) * missing
-        forces[mesh.stage - 1] += np.fft.irfft(force, grid.cells)
+        forces[mesh.mechanics.stage - 1] += np.fft.irfft(force, grid.cells)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -322,11 +319,6 @@ class ModalPath:
         bearing_hz = float(self.bearing_hz[stage])
         total *= bearing_hz**2 / _resonance(frequency_hz, bearing_hz, BEARING_DAMPING)
         return total
-
-    def decay_s(self) -> float:
-        """Time in which the slowest mode falls to 1e-5 [s]."""
-        slowest = float((self.damping_ratios * self.frequencies_hz).min())
-        return math.log(1e5) / (2 * math.pi * slowest)
 
 
 def _resonance(frequency_hz: FloatArray, own_hz: float, damping: float) -> ComplexArray:

@@ -247,7 +247,7 @@ def _slowest_decay(point: pair.Operation) -> float:
 
 def _change_of_last_period(point: pair.Operation) -> float:
     """Change from the third to the fourth mesh period after rest, over the peak to peak."""
-    z, count = point.start.motion.displacement_m, pair.POINTS_PER_PERIOD
+    z, count = point.start.displacement_m, pair.POINTS_PER_PERIOD
     last, before = z[-count:], z[-2 * count : -count]
     return float(np.abs(last - before).max() / np.ptp(last))
 
@@ -351,12 +351,12 @@ def check_5b(results: StudyResults, _of: Taken) -> Judgement:
     """Judge starts from rest, and the free vibration that they start with."""
     response = results.reference.response
     textbook = free_vibration(response.problem, pair.PUBLISHED_ORDER, small_damping=True)
-    starts = [point.start for sweep in results.sweeps.values() for point in sweep.points]
-    errors = [100 * start.error for start in starts if start.method == "multiple scales"]
+    starts = [point for sweep in results.sweeps.values() for point in sweep.points]
+    errors = [100 * p.start_error for p in starts if p.start_method == "multiple scales"]
     numbers: Numbers = {"textbook_hz": textbook.frequency_hz, "worst": max(errors)}
     numbers |= {"textbook_decay": textbook.decay_per_s, "exact_hz": _free_frequency_hz(results)}
     numbers |= {"exact_decay": _slowest_decay(results.reference), "left": len(starts) - len(errors)}
-    numbers |= {"own": 100 * results.reference.start.error, "all": len(starts)}
+    numbers |= {"own": 100 * results.reference.start_error, "all": len(starts)}
     return (max(errors) < 1,), numbers | {"solved": len(errors)}
 
 
@@ -422,7 +422,7 @@ def check_7c(results: StudyResults, _of: Taken) -> Judgement:
     heavy, contact = results.sweeps["mass_kg"].points[-1], results.contact
     least_um = 1e6 * float(heavy.waveform.displacement_m.min())
     force = float(heavy.waveform.mesh_force_n.min())
-    started = heavy.start.motion.mesh_force_n
+    started = heavy.start.mesh_force_n
     first_peak = int(started[: pair.POINTS_PER_PERIOD].argmax())
     scans = {"mass": contact.mass, "damping": contact.damping, "variation": contact.variation}
     first = {name: scan.first or math.nan for name, scan in scans.items()}

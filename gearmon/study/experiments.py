@@ -350,11 +350,9 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
         Of the simulations.
     """
     case, facts = Case(problem=pair.REFERENCE), facts_of_run()
-    return SpeedStudy(
-        costs=measured(list(_ways(case, tolerances)), repeats, LONGEST_S),
-        repeats=repeats,
-        machine="{processor}, {cores} processors, Python {python}, NumPy {numpy}".format(**facts),
-    )
+    machine = "{processor}, {cores} processors, Python {python}, NumPy {numpy}".format(**facts)
+    costs = measured(list(_ways(case, tolerances)), repeats, LONGEST_S)
+    return SpeedStudy(costs=costs, repeats=repeats, machine=machine)
 
 
 def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
@@ -365,7 +363,7 @@ def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
         for way, sets in ((SUBSTITUTION, 1), (MANY, AT_ONCE)):
             masses = p.mass_kg * np.linspace(1.0, 1.5, sets)
             of_sets = partial(substitute, mass_kg=masses, damping_ns_per_m=p.damping_ns_per_m)
-            judge = against(reference, _first_set)
+            judge = against(reference, lambda found: Lines(found[0] / pair.STATIC_DEFLECTION_M))
             yield Contender(way, f"{order}", run=of_sets, judge=judge, sets=sets)
     for tolerance in (1e-3, 1e-6, 1e-8):
         anew = partial(steady_state, case.problem, tolerance)
@@ -395,10 +393,6 @@ def _integrated(case: Case, solver: str, tolerance: float) -> Samples:
     own = (found.t >= 0) & (found.t < period * (1 - 1e-12))
     rows = zip(found.t[own], found.y[:, own].T, strict=True)
     return Samples(found.t[own] / period, np.array([slope(*row)[1] for row in rows]))
-
-
-def _first_set(found: ComplexArray) -> Lines:
-    return Lines(found[0] / pair.STATIC_DEFLECTION_M)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -272,28 +272,9 @@ def simulate(
     return motion(problem, modulation, time_s, *found)
 
 
-@dataclass(frozen=True, eq=False)
-class Start:
-    """Motion from rest.
-
-    Attributes
-    ----------
-    motion : Trajectory
-    error : float
-        Largest difference of the displacement to direct integration, over the largest
-        displacement; 0 where `motion` is that integration.
-    method : str
-        "multiple scales" or "direct integration".
-    """
-
-    motion: Trajectory
-    error: float
-    method: str
-
-
 def start_from_rest(
     steady: Response, periods: int = PERIODS_FROM_REST, points: int = POINTS_PER_PERIOD
-) -> Start:
+) -> tuple[Trajectory, float, str]:
     """Solve the start by multiple scales and measure its error against direct integration.
 
     Parameters
@@ -305,17 +286,18 @@ def start_from_rest(
 
     Returns
     -------
-    Start
-        By direct integration where the damping is within 5 % of the critical one.
+    (Trajectory, float, str)
+        The motion, its error, and how it was solved: see `Operation`. By direct integration where
+        the damping is within 5 % of the critical one.
     """
     time = np.arange(periods * points + 1) / points * steady.problem.period_s
     modulation = series(steady.problem.stiffness_harmonics)
     simulated = simulate(steady.problem, modulation, time, tolerance=1e-8)
     if NEAR_CRITICAL[0] < steady.problem.damping_ratio < NEAR_CRITICAL[1]:
-        return Start(simulated, 0.0, "direct integration")
+        return simulated, 0.0, "direct integration"
     found = solved_start(steady, modulation, time)
     apart = largest_difference(simulated.displacement_m, found.displacement_m)
-    return Start(found, apart, "multiple scales")
+    return found, apart, "multiple scales"
 
 
 def solved_start(steady: Response, modulation: Modulation, time_s: FloatArray) -> Trajectory:
@@ -345,12 +327,19 @@ class Operation:
     ----------
     response : Response
         Steady vibration to `TOLERANCE`.
-    start : Start
-        From rest, `PERIODS_FROM_REST` mesh periods.
+    start : Trajectory
+        Motion from rest, `PERIODS_FROM_REST` mesh periods.
+    start_error : float
+        Largest difference of its displacement to direct integration, over the largest
+        displacement; 0 where it is that integration.
+    start_method : str
+        "multiple scales" or "direct integration".
     """
 
     response: Response
-    start: Start
+    start: Trajectory
+    start_error: float
+    start_method: str
 
     @cached_property
     def acceleration_lines(self) -> FloatArray:
@@ -384,8 +373,8 @@ class Operation:
             "mean_energy_frequency_hz": float(energy @ frequency) / total,
             "energy_band_hz": float(frequency[strong[-1]]),
             "second_order_error": acceleration_error(second_order, response),
-            "start_error": self.start.error,
-            "start_method": self.start.method,
+            "start_error": self.start_error,
+            "start_method": self.start_method,
             "error_bound": response.error_bound,
             "method": response.method,
         }
@@ -394,7 +383,7 @@ class Operation:
 def operate(problem: HillProblem) -> Operation:
     """Solve one set of parameters."""
     response = solved(problem)
-    return Operation(response, start_from_rest(response))
+    return Operation(response, *start_from_rest(response))
 
 
 def solved(problem: HillProblem) -> Response:
@@ -451,15 +440,15 @@ class FormResponse:
 def form_responses() -> dict[str, FormResponse]:
     """Solve and simulate the reference case under every form."""
     time = np.arange(PERIODS * POINTS + 1) / POINTS * REFERENCE.period_s
-    return {key: _form_response(signal, time) for key, signal in SIGNALS.items()}
-
-
-def _form_response(signal: StiffnessSignal, time: FloatArray) -> FormResponse:
-    harmonics = VARIATION * signal.shape_harmonics()
-    steady = solved(replace(REFERENCE, stiffness_harmonics=harmonics))
-    modulation = signal.modulation if signal.jumps else series(harmonics)
-    simulated = simulate(REFERENCE, modulation, time, signal.jumps, 1e-8)
-    return FormResponse(signal, steady, simulated, solved_start(steady, modulation, time))
+    found = {}
+    for key, signal in SIGNALS.items():
+        harmonics = VARIATION * signal.shape_harmonics()
+        steady = solved(replace(REFERENCE, stiffness_harmonics=harmonics))
+        modulation = signal.modulation if signal.jumps else series(harmonics)
+        simulated = simulate(REFERENCE, modulation, time, signal.jumps, 1e-8)
+        start = solved_start(steady, modulation, time)
+        found[key] = FormResponse(signal, steady, simulated, start)
+    return found
 
 
 def dynamic_difference(one: FormResponse, other: FormResponse) -> float:

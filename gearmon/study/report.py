@@ -158,13 +158,7 @@ def write_results(results: StudyResults, folder: Path, progress: Progress | None
     for name, rows in tables.items():
         write_atomically(folder / name, rows_as_csv(rows))
     page = folder / "study.html"
-    write_atomically(page, _rendered(results, judged, pictures))
-    files = (page, *pictures, *(folder / name for name in tables))
-    return StudyReport(judged=judged, page=page, files=files)
-
-
-def _rendered(results: StudyResults, judged: tuple[Finding, ...], pictures: list[Path]) -> str:
-    return template("study.html", "gearmon.study").render(
+    told = template("study.html", "gearmon.study").render(
         number=shown_number,
         difference=shown_difference,
         problem=pair.REFERENCE,
@@ -175,6 +169,9 @@ def _rendered(results: StudyResults, judged: tuple[Finding, ...], pictures: list
         pictures=zip(PICTURES, (base64_text(p.read_bytes()) for p in pictures), strict=True),
         results=results,
     )
+    write_atomically(page, told)
+    files = (page, *pictures, *(folder / name for name in tables))
+    return StudyReport(judged=judged, page=page, files=files)
 
 
 def _counts(judged: Sequence[Finding]) -> dict[str, int]:
@@ -402,20 +399,17 @@ def _draw_over_time(name: str, height: float, rows: list[Panels], results: Study
     for number, row in enumerate(rows):
         widths = [1.0 if when == "first" else 2.2 for _, when, *_ in row]
         cells = grid[number].subgridspec(1, len(row), width_ratios=widths)
-        for column, panel in enumerate(row):
-            _in_time(figure.add_subplot(cells[column]), results.sweeps[name], *panel)
+        for column, (quantity, when, title, *limits) in enumerate(row):
+            ax = figure.add_subplot(cells[column])
+            (field, scale, label), (part, per_second, time) = QUANTITIES[quantity], PARTS[when]
+            for point, style in _by_value(results.sweeps[name]):
+                motion = point.waveform if when == "settled" else point.start
+                values = scale * getattr(motion, field)[part]
+                ax.plot(per_second * motion.time_s[part], values, **style)
+            _panel(ax, title, time, label).margins(x=0)
+            ax.set_xlim(*limits)
     plots.legend(figure, figure.axes, 1, "right upper")
     return figure
-
-
-def _in_time(ax: Axes, sweep: Sweep, quantity: str, when: str, title: str, *limits: float) -> None:
-    (name, scale, label), (part, per_second, time) = QUANTITIES[quantity], PARTS[when]
-    for point, style in _by_value(sweep):
-        motion = point.waveform if when == "settled" else point.start.motion
-        values = scale * getattr(motion, name)[part]
-        ax.plot(per_second * motion.time_s[part], values, **style)
-    _panel(ax, title, time, label).margins(x=0)
-    ax.set_xlim(*limits)
 
 
 def _draw_spectra(name: str, height: float, panels: Panels, results: StudyResults) -> Figure:

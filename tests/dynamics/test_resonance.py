@@ -80,7 +80,7 @@ def test_odd_harmonics_with_ratio_sixteen():
     # no harmonic is resonant by itself, products c_1 c_15, c_3 c_13, ... are: b starts at order two
     c = 0.02 * np.where(np.arange(1, 16) % 2, 1.0, 0.0) / np.arange(1, 16)
     p = scaled_problem(16.0, 0.002, c)
-    forcing = np.abs(forced_resonance(p, 0, [16], rate_order=3).forcing_terms[:, 0])
+    forcing = np.abs(forced_resonance(p, 0, [16], rate_order=3).rate_terms[:, 0, -1])
     assert (forcing[:2] < 1e-14 * forcing[2]).all()
     coupling = np.abs(parametric_resonance(p, 0, rate_order=3).rate_terms[:, 0, 1])
     assert not coupling.any()

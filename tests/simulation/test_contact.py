@@ -66,7 +66,7 @@ def test_course_holds_the_stiffness_of_every_pair():
     powers = course.stiffness[:, :, 0, course.interval[kept]]
     total = sum(row * share**n for n, row in enumerate(powers)).sum(axis=0)
     phase = train.meshes[0].phase(drive.motion.turns(middle[kept]))
-    expected = train.mechanics[0].stiffness.at(phase)
+    expected = train.meshes[0].mechanics.stiffness.at(phase)
     # time runs evenly through an interval, the phase not quite
     assert np.abs(total - expected).max() < 1e-5 * expected.max()
 
@@ -131,7 +131,7 @@ def test_steady_state_agrees_with_harmonic_balance(fault):
     machine = one_pair(teeth, 7)
     faults = [] if fault is None else [parse_fault(fault)]
     train = build_train(machine, faults, accuracy_grade=None)
-    mechanics, period = train.mechanics[0], teeth / 625.0
+    mechanics, period = train.meshes[0].mechanics, teeth / 625.0
     # transients have died away after one turn and a half: exp(-7100 * 0.012)
     span = (-1.5 * period, 1.05 * period)
     course = contact_course(train.meshes, steady_drive(machine), span, 4e-6)

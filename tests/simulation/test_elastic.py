@@ -73,7 +73,7 @@ def settled(train, mesh_hz):
 
 def system_of(machine, train, mesh_hz, harmonics):
     """The whole machine, every mode of it, for other solvers."""
-    full, mechanics = drive_train(machine), train.mechanics[0]
+    full, mechanics = drive_train(machine), train.meshes[0].mechanics
     around = full.around(full.meshes(1), full.load({1: mechanics.force_n})[:, None])
     return HillSystem(
         np.eye(len(around.stiffness)),

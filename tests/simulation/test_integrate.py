@@ -292,9 +292,9 @@ def test_a_wheel_between_two_meshes():
 def test_slow_modes_of_motion_that_rattles_forget_by_themselves(monkeypatch):
     taken, run = [], March.run
 
-    def counted(march, state, first, count, *args, **named):
+    def counted(march, first, count, *args, **named):
         taken.append(count)
-        return run(march, state, first, count, *args, **named)
+        return run(march, first, count, *args, **named)
 
     monkeypatch.setattr(March, "run", counted)
     base = two_stage(force=1.0, damping=(1.1e3, 1.9e3, 2.0))

@@ -84,7 +84,7 @@ def test_planetary_set_has_as_many_frequencies_as_members_that_turn(count):
 
 def test_planets_swing_on_their_two_meshes():
     train = build_train(planetary(planets=4))
-    inner, outer = train.mechanics[0], train.mechanics[4]
+    inner, outer = train.meshes[0].mechanics, train.meshes[4].mechanics
     stiffness = train.system.means[0] + train.system.means[4]
     expected = math.sqrt(stiffness / outer.equivalent_mass_kg) / (2 * math.pi)
     frequencies = train.system.natural_frequencies_hz()
@@ -123,7 +123,7 @@ def test_planets_meet_the_ring_in_the_phases_of_assembly():
 def test_crack_of_a_planet_is_on_the_first_and_opens_under_the_sun():
     # the ring loads the other flank, which presses the crack shut
     train = build_train(planetary(), [parse_fault("crack:1:planet:3:20%")])
-    assert [len(m.stiffness.pulses) for m in train.meshes] == [1, 0, 0, 0, 0, 0]
+    assert [len(m.mechanics.stiffness.pulses) for m in train.meshes] == [1, 0, 0, 0, 0, 0]
 
 
 def test_every_flank_of_every_planet_has_deviations_of_its_own():
@@ -145,7 +145,7 @@ def test_every_flank_of_every_planet_has_deviations_of_its_own():
 
 def test_damage_of_the_sun_is_met_by_every_planet():
     train = build_train(planetary(), [parse_fault("crack:1:sun:3:20%")])
-    assert [len(m.stiffness.pulses) for m in train.meshes] == [1, 1, 1, 0, 0, 0]
+    assert [len(m.mechanics.stiffness.pulses) for m in train.meshes] == [1, 1, 1, 0, 0, 0]
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_change_of_the_last_period_is_over_the_peak_to_peak():
     """A wave on a mean that moves by a tenth of its amplitude from one period to the next."""
     phase = np.arange(4 * POINTS_PER_PERIOD) / POINTS_PER_PERIOD
     wave = 5.0 + np.cos(2 * np.pi * phase) + 0.1 * np.floor(phase)
-    start = SimpleNamespace(motion=SimpleNamespace(displacement_m=wave))
+    start = SimpleNamespace(displacement_m=wave)
     assert QUANTITIES["change"](SimpleNamespace(start=start)) == pytest.approx(0.05)
 
 

@@ -107,7 +107,7 @@ def test_every_steady_state_meets_its_tolerance(results):
     for sweep in results.sweeps.values():
         for point in sweep.points:
             assert point.response.error_bound <= 1e-9
-            assert point.start.error < 0.01
+            assert point.start_error < 0.01
 
 
 def test_waveform_error_of_the_exact_solution_is_none(results):
