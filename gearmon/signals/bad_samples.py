@@ -17,7 +17,6 @@ from itertools import accumulate
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from gearmon.arrays import FloatArray, runs_where
 from gearmon.errors import RecordingError
@@ -117,12 +116,12 @@ def bad_stretches(values: FloatArray) -> list[BadStretch]:
         # a tone of whole samples a period has its extremes as often, but few values, and no extreme
         # twice in a row; of fast vibration that is cut off they are far apart as well
         again = values[1:][values[1:] == values[:-1]]
-        at_it = np.count_nonzero((again == values.min()) | (again == values.max()))
+        at_it = np.isin(again, (values.min(), values.max())).sum()
         if at_it >= _CLIPPED_SHARE * len(values) or len(np.unique(values)) > 2 / _CLIPPED_SHARE:
             return [BadStretch(0, len(values), defect.text)]
     still = list(_standing_still(values))
-    found = *still, *_spikes(values), *_level_changes(values, still)
-    return sorted(found, key=lambda bad: bad.start)
+    every = *still, *_spikes(values), *_level_changes(values, still)
+    return sorted(every, key=lambda bad: bad.start)
 
 
 def inspected(recording: Recording) -> Recording:
@@ -395,7 +394,7 @@ def _step(level: FloatArray) -> tuple[int, float] | None:
 
 def _at_once(level: FloatArray) -> FloatArray:
     """Three frames behind against three before: the frame in which it happens is a bit of both."""
-    middles = np.median(sliding_window_view(level, 3), axis=1)
+    middles = np.median(np.lib.stride_tricks.sliding_window_view(level, 3), axis=1)
     return np.asarray(middles[4:] - middles[:-4])
 
 

@@ -63,14 +63,14 @@ _GATHERED = 0.2
 # Share of a path that may lie where the search ends. Of 5 drawn machines at 0.8 of their nominal
 # speed, wandering by 0.5 %, a third and more does: it was off by 0.3 to 1.2 % in the mean.
 _AT_THE_END = 0.1
-# How far about a path of speeds the comb is looked for in its angle, in blocks of so many turns,
-# and then again. About a course that a channel tells: for its lag and scale, and when these are
+# How far about a path of speeds the comb is looked for in its angle, and then again. About a course
+# that a channel tells: for its lag and scale, and, in blocks of so many turns, when these are
 # known. Seven lumped machines over cycles of 0.35 to 1.05 of their speed, a channel that rounds to
 # 1 rpm, lags by 60 ms, scatters by 2 rpm and is off by 0.3 %: a lag of 62 ms is told, and the angle
 # is right to 0.3 mesh periods throughout, where after a second search in blocks of 10 turns instead
 # it slipped by one where a ramp begins.
-_PATH_SEARCHES = (0.015, 10.0), (0.008, 10.0)
-_LAG_REACHES, _TOLD_SEARCHES = (0.12, 0.03), ((0.015, 5.0),)
+_PATH_SEARCHES, _TOLD_SEARCHES = ((0.015, None), (0.008, None)), ((0.015, 5.0),)
+_LAG_REACHES = 0.12, 0.03
 # Wander of the speed from which the ends of a recording need care, relative standard deviation.
 _WANDERS = 1e-3
 # Share of a recording in which the angle must be held for the rest to be left out: without and with
@@ -275,7 +275,7 @@ class GearVibration:
             if its > share + _FAR_BETTER:
                 judged = replace(self.judged(other), coherent=its)
                 if judged.detected >= found.detected:
-                    found, track, share, calm = judged, other, its, True
+                    found, track, share, calm = judged, other, its, its > COHERENT
         if not calm or self.far or _elsewhere(first):
             followed = _followed(self)
             if followed is not None:
@@ -472,14 +472,13 @@ def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
         # beyond what is looked at the speed is not known
         if np.mean((speed.speed_hz <= ends[0]) | (speed.speed_hz >= ends[1])) > _AT_THE_END:
             return None
-        searches: Sequence[tuple[float, float]] = _PATH_SEARCHES
     else:
-        speed, searches = _without_lag(signal, signal.told), _TOLD_SEARCHES
+        speed = _without_lag(signal, signal.told)
     sums = signal.sums(float(speed.speed_hz.max()))
     if sums is None:
         return None
     track = phases.integrate_speed(speed, signal.last_s)
-    for reach, turns in searches:
+    for reach, turns in _TOLD_SEARCHES if signal.told else _PATH_SEARCHES:
         track = phases.unwarp(sums, track, signal.comb, reach, turns)
     track, share = phases.lock_track(sums, track)
     judged = replace(signal.judged(track), coherent=share)
