@@ -82,6 +82,18 @@ def test_init_describes_the_columns_of_a_recording(tmp_path, shop):
     assert found.units == gearmon.read_recording(shop / "new.csv").units
 
 
+def test_init_asks_for_unit_and_shaft_of_a_column_of_speed(tmp_path):
+    rows = "\n".join(f"{k % 7 - 3},{1480 + k % 3},{50 + k % 5}" for k in range(4000))
+    (tmp_path / "new.csv").write_text(f"acc (m/s2),speed,torque\n{rows}\n")
+    assert init(tmp_path, tmp_path / "new.csv", *TOLD, "--sampling-rate", 6000) == 0
+    text = (tmp_path / "mine.toml").read_text()
+    assert 'kind = "speed"\n# unit = "rpm"' in text
+    assert 'kind = "torque"\n# unit = "Nm"' in text
+    assert text.count("# shaft = 1") == 1
+    sensor = gearmon.load_machine(tmp_path / "mine.toml").sensors[1]
+    assert (sensor.kind, sensor.shaft, sensor.unit) == ("speed", 1, None)
+
+
 def test_init_finds_milliseconds_taken_for_seconds(tmp_path, capsys):
     rows = [f"{10 * row},{row % 7}" for row in range(2000)]
     (tmp_path / "slow.csv").write_text("time_ms,a1 [m/s2]\n" + "\n".join(rows))
