@@ -284,7 +284,7 @@ def _courses_told(recording: Recording, signal: GearVibration) -> Iterator[tuple
         starts = np.arange(0, max(1, len(values) - block // 2), block)
         ends = np.append(starts[1:], len(values))
         mean = np.add.reduceat(values, starts) / (ends - starts)
-        stated = next(filter(speed_factor, (unit, name)), None)
+        stated = unit or (name if speed_factor(name) else None)
         for spelt in (stated,) if stated else ("rpm", "Hz", "rad/s"):
             for shaft in kinematics(signal.machine).shafts:
                 course_hz = mean * (speed_factor(spelt) or 0.0) / shaft.order

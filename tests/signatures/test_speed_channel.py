@@ -113,6 +113,12 @@ def test_a_channel_called_speed_that_holds_pulses_is_a_tachometer(cycle):
     assert error(cycle, found) < 0.1
 
 
+def test_a_column_in_another_unit_is_left_alone(cycle):
+    told = with_speed(cycle, name="ground speed", unit="km/h", factor=0.5, step=0.1)
+    alone = track_recording(cycle.recording, cycle.machine)
+    assert np.array_equal(track_recording(told, cycle.machine).track.turns, alone.track.turns)
+
+
 def test_units_of_speed_and_columns_in_hz(tmp_path):
     assert speed_factor("1/min") == speed_factor("rpm") == pytest.approx(1 / 60)
     assert speed_factor("rad/s") == pytest.approx(1 / (2 * np.pi))
