@@ -16,7 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import product, repeat
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,15 +26,9 @@ from scipy.special import spence, stdtr
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.law.machine import channel_gain
 from gearmon.gears.kinematics import Kinematics, Line, Shaft
+from gearmon.signatures.measured import nongear_lines as listed_lines
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
-from gearmon.signatures.measured.nongear_lines import (
-    KINDS,
-    OWN_WIDTHS,
-    NonGearLine,
-    NonGearLines,
-    harmonic_sources,
-    noise_exceeds,
-)
+from gearmon.signatures.measured.nongear_lines import KINDS, OWN_WIDTHS, NonGearLine, NonGearLines
 from gearmon.signatures.measured.reference import Profile, Reference
 
 # What such a line of a healthy machine is taken to change by from one recording to another before
@@ -218,7 +212,12 @@ def compare_lines(
         order = sorted(series.labels, key=lambda i: changes[i].log10_probability)
         first = changes[order[0]]
         width = lines.grid(first.line.kind).width
-        if series.kind == "unknown lines" and _of_hunting_tooth(first.line, train, width):
+        # multiples of the turn in which the same two teeth meet again, where they stand apart
+        met = [x.order for x in train.lines if x.kind == "hunting tooth" and x.order >= 4 * width]
+        off = [
+            abs(first.line.order - turn * max(1, round(first.line.order / turn))) for turn in met
+        ]
+        if series.kind == "unknown lines" and min(off, default=math.inf) <= 0.5 * width:
             continue
         told = [_sentence(changes[i], series.labels[i], channel_names) for i in order[:_SENTENCES]]
         findings.append(
@@ -346,10 +345,8 @@ class _Comparison(NamedTuple):
         peaks of mere noise are as high.
         """
         own, grid, in_spectrum = self.lines.columns[kind], self.lines.grid(kind), kind == KINDS[0]
-        alike = np.ones(len(own))
-        turned = np.array([self._turned(o) if in_spectrum else alike for o in self.healthy])
-        asked = map(self._levels_in, self.healthy, repeat(kind), turned)
-        levels, listed = (np.array(told) for told in zip(*asked, strict=True))
+        asked = [self._seen_in(other, kind) for other in self.healthy]
+        levels, listed, turned = (np.array(told) for told in zip(*asked, strict=True))
         over, highest = own["over_noise_db"], own["over_noise_db"].max(axis=1)
         heard = over >= np.minimum(grid.least_db, highest)[:, None]
         count = heard.sum(axis=1)
@@ -364,7 +361,7 @@ class _Comparison(NamedTuple):
             variance += moving * speed_scatter_db(moves) ** 2 / count
         then = (levels * share).sum(axis=2).T
         change = (now * share).sum(axis=1) - then.mean(axis=1)
-        peaks = grid.looked_at * noise_exceeds(10 ** (highest / 10), grid.pieces)
+        peaks = grid.looked_at * listed_lines.noise_exceeds(10 ** (highest / 10), grid.pieces)
         return own["place"], change, then, listed.T, variance, peaks
 
     def _turned(self, other: NonGearLines) -> FloatArray:
@@ -373,32 +370,34 @@ class _Comparison(NamedTuple):
         1 but for what may be of a neighbour that is heard in both: it turns at a speed of its own.
         """
         own, grid = self.lines.columns[KINDS[0]]["order"], self.lines.grid(KINDS[0])
-        both = (self.lines, other)
+        (here, told), (there, also) = (_neighbour(one, self.train) for one in (self.lines, other))
         # where one of both tells it, less does in the other
-        sure = any(_neighbour(lines, self.train, _TELLING) for lines in both)
-        here, there = (_neighbour(lines, self.train, _TELLING - sure) for lines in both)
-        if here is None or there is None:
+        if max(told, also) < _TELLING or min(told, also) < _TELLING - 1:
             return np.ones(len(own))
         away = distance_to(known_orders(self.train, grid.top, grid.width), own / here)
         its = away <= np.maximum(OWN_WIDTHS * grid.width, _SAME_SHARE * own)
         return np.where(its, there / here, 1.0)
 
-    def _levels_in(
-        self, other: NonGearLines, kind: str, turned: FloatArray
-    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+    def _seen_in(self, other: NonGearLines, kind: str) -> tuple[NDArray[Any], ...]:
         """Levels of lines in a healthy recording, NaN if it cannot tell; whether it lists them.
 
-        Their orders there may be `turned` times those here.
+        Last the order of each there over that in this one.
         """
         own, there, grid = self.lines.columns[kind], other.columns[kind], other.grid(kind)
         width, hertz = max(grid.width, self.lines.grid(kind).width), own["frequency_hz"]
+        turned = self._turned(other) if kind == KINDS[0] else np.ones(len(own))
         still, moved = own["locked"] == "time", hertz / other.speed_hz
         # a line that keeps its frequency stands at another order when the speed is another
         order = np.where(still, moved, own["order"])
-        again = turned[:, None] * own["order"][:, None]
-        near = np.maximum(_SAME_WIDTHS * width, _SAME_SHARE * again)
-        same = (turned[:, None] != 1.0) & (np.abs(there["order"] - again) <= near)
-        same |= _same(own, there, width)
+        one, its = own[:, None], turned[:, None]
+        again = its * one["order"]
+        near = np.maximum(_SAME_WIDTHS * width, _SAME_SHARE * np.array([one["order"], again]))
+        same = (its != 1.0) & (np.abs(there["order"] - again) <= near[1])
+        turning = (there["locked"] != "time") & (np.abs(there["order"] - one["order"]) <= near[0])
+        # against time widths are those of the same pieces
+        away = np.abs(there["frequency_hz"] - one["frequency_hz"]) * one["order"]
+        keeping = (there["locked"] != "shaft") & (away <= near[0] * one["frequency_hz"])
+        same |= turning & ~still[:, None] | keeping & (one["locked"] != "shaft")
         listed = np.asarray(same.any(axis=1))
         level = np.where(same[..., None], there["level_db"], -np.inf).max(axis=1, initial=-np.inf)
         level = np.maximum(level, grid.unseen_at(order).T)
@@ -408,20 +407,20 @@ class _Comparison(NamedTuple):
         level[taken | (np.maximum(order, moved) > grid.top)] = np.nan
         if kind == KINDS[0]:
             # lines of the mains may stand under those of gears there
-            off = [np.abs(hertz - np.rint(hertz / one) * one) for one in MAINS_HZ]
-            mains = (own["locked"] != "shaft") & (np.min(off, axis=0) <= _SAME_SHARE * hertz)
+            off = [np.abs(hertz - np.rint(hertz / mains) * mains) for mains in MAINS_HZ]
+            supply = (own["locked"] != "shaft") & (np.min(off, axis=0) <= _SAME_SHARE * hertz)
             reach = _SAME_SHARE * hertz + 2 * width * other.speed_hz
             highest = other.highest_in_time(hertz - reach, hertz + reach).T
-            unasked = ~(still | mains)[:, None] | (listed[:, None] & np.isnan(highest))
+            unasked = ~(still | supply)[:, None] | (listed[:, None] & np.isnan(highest))
             level = np.where(unasked, level, np.maximum(level, highest))
-        return level, listed
+        return level, listed, turned
 
 
 @lru_cache(maxsize=64)
-def _neighbour(lines: NonGearLines, train: Kinematics, least: int) -> float | None:
-    """Speed of a gearbox of the same kind beside this one, over its own; None if none is heard.
+def _neighbour(lines: NonGearLines, train: Kinematics) -> tuple[float, int]:
+    """Speed of a gearbox of the same kind beside this one, over its own, and what tells it.
 
-    At least so many harmonics of its meshes tell it. On either side of a tractor there is the same
+    That is a number of harmonics of its meshes. On either side of a tractor there is the same
     final drive, in the next row the same unit. Each turns at a speed of its own, so that its lines
     would be new in every recording.
     """
@@ -433,9 +432,8 @@ def _neighbour(lines: NonGearLines, train: Kinematics, least: int) -> float | No
     usable = np.abs(ratio - 1.0) <= _NEIGHBOUR
     found = [usable & (np.abs(ratio / one - 1.0) <= _ONE_SPEED) for one in ratio[usable]]
     told = [len(np.unique(harmonic[agree])) for agree in found]
-    if max(told, default=0) < least:
-        return None
-    return float(np.median(ratio[found[int(np.argmax(told))]]))
+    most = max(told, default=0)
+    return float(np.median(ratio[found[told.index(most)]])) if most else 1.0, most
 
 
 @lru_cache(maxsize=64)
@@ -450,18 +448,7 @@ def _hidden(lines: NonGearLines) -> tuple[float, ...]:
 
 
 def _sources(lines: Sequence[NonGearLine], whole: NonGearLines) -> list[list[int]]:
-    return harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
-
-
-def _same(own: NDArray[np.void], there: NDArray[np.void], width: float) -> NDArray[np.bool_]:
-    """Tell which lines of two recordings may be one and the same, shape (own, there)."""
-    one = own[:, None]
-    near = np.maximum(_SAME_WIDTHS * width, _SAME_SHARE * one["order"])
-    turning = (there["locked"] != "time") & (np.abs(there["order"] - one["order"]) <= near)
-    # against time widths are those of the same pieces
-    away = np.abs(there["frequency_hz"] - one["frequency_hz"]) * one["order"]
-    still = (there["locked"] != "shaft") & (away <= near * one["frequency_hz"])
-    return np.asarray(turning & (one["locked"] != "time") | still & (one["locked"] != "shaft"))
+    return listed_lines.harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
 
 
 def speed_scatter_db(
@@ -684,24 +671,3 @@ def _label(harmonic: int, sideband: int, by: str) -> str:
     if not sideband:
         return f"{harmonic} x"
     return f"{harmonic} x {'+' if sideband > 0 else '-'} {abs(sideband)} x {by}"
-
-
-def _of_hunting_tooth(line: NonGearLine, train: Kinematics, width: float) -> bool:
-    """Whether a line is a multiple of the turn in which the same two teeth meet again.
-
-    Only where these multiples stand far enough apart for that to mean something.
-
-    Parameters
-    ----------
-    line : NonGearLine
-    train : Kinematics
-    width : float
-        Resolution of the spectrum [orders].
-
-    Returns
-    -------
-    bool
-    """
-    hunting = (x.order for x in train.lines if x.kind == "hunting tooth" and x.order >= 4 * width)
-    nearest = (order * max(1, round(line.order / order)) for order in hunting)
-    return any(abs(line.order - order) <= 0.5 * width for order in nearest)
