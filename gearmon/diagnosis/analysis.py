@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis import verdict
-from gearmon.diagnosis.alone import judged_alone, mesh_lost, no_mesh, own_teeth, own_teeth_flags
+from gearmon.diagnosis import alone, verdict
 from gearmon.diagnosis.evidence import LIMITS, Evidence, noticed_from, path_change, tooth_strength
 from gearmon.diagnosis.fault_types.kinds import kind_features
 from gearmon.diagnosis.hypotheses import turns
@@ -24,19 +23,11 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signals.bad_samples import inspected, sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording, read_recordings
+from gearmon.signatures.measured import reference as references
 from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured.line_plan import Family
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
-from gearmon.signatures.measured.reference import (
-    Profile,
-    Reference,
-    is_reference,
-    machine_notes,
-    make_reference,
-    other_speed,
-    read_reference,
-    recording_notes,
-)
+from gearmon.signatures.measured.reference import Profile, Reference
 
 # How far the lines of a mesh lie below those of all healthy recordings [dB] before another speed is
 # looked for: over a factor of ten in load. Of a drawn machine whose second mesh alone is heard, 3 %
@@ -120,9 +111,9 @@ def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Refere
     GearmonError
         If a recording cannot be used.
     """
-    reference, doubts = make_reference(signatures, machine), []
+    reference, doubts = references.make_reference(signatures, machine), []
     for number, own in enumerate(signatures):
-        if own_teeth_flags(own_teeth(Profile.of(own))):
+        if alone.own_teeth_flags(alone.own_teeth(Profile.of(own))):
             doubts.append(
                 f"{own.origin}: one tooth stands out of its gear already; is the machine sound?"
             )
@@ -135,7 +126,9 @@ def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Refere
         # of two that differ nobody knows which is the odd one
         if len(others) < 2:
             continue
-        strength = evidence_against(own, machine, make_reference(others, machine)).strength
+        strength = evidence_against(
+            own, machine, references.make_reference(others, machine)
+        ).strength
         if strength >= LIMITS.fault:
             doubts.append(
                 f"{own.origin}: departs from the other recordings as a fault would (strength "
@@ -188,12 +181,12 @@ def analyse(
     check_range("must_notice", must_notice, 0.0, 1.0)
     machine = load_machine(machine)
     known: dict[str, Any] = {"sampling_rate_hz": sampling_rate_hz, "unit": unit}
-    if isinstance(reference, str | Path) and is_reference(reference):
-        reference = read_reference(reference)
+    if isinstance(reference, str | Path) and references.is_reference(reference):
+        reference = references.read_reference(reference)
     if not (reference is None or isinstance(reference, Reference)):
         reference = learn(reference, machine, **known)
     if reference is not None:
-        machine_notes(machine, reference)  # refuses other gears before any work
+        references.machine_notes(machine, reference)  # refuses other gears before any work
     recording = inspected(read_recording(recording, sensors=machine.sensors, **known))
     signature = _measured(recording, machine, reference)
     vibration = sound_part(recording, 0.0).vibration()
@@ -204,7 +197,7 @@ def analyse(
     if reference is not None:
         answer = _Compared(signature, machine, reference).answer(told, must_notice)
     else:
-        answer = (judged_alone if told else no_mesh)(signature, machine)
+        answer = (alone.judged_alone if told else alone.no_mesh)(signature, machine)
     return replace(answer, indicators=indicators)
 
 
@@ -276,25 +269,26 @@ class _Compared:
         self.signature, self.machine, self.reference = signature, machine, reference
         self.known, self.rows = reference.shared_with(signature)
         self.own = Profile.of(signature).part(self.rows)
+        self.healthy = tuple(profile.wheels for profile in self.known.profiles)
 
     @cached_property
     def sidebands(self) -> turns.Sidebands:
         """Changes of single sidebands."""
-        return turns.turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
+        return turns.turn_changes(self.own.wheels, self.healthy)
 
     def answer(self, told: bool, must_notice: float) -> Analysis:
         """Judge a recording of which gears are told, or that lacks the mesh of its reference."""
         # refuses other channels
-        notes = recording_notes(self.signature, self.reference)
-        notes = machine_notes(self.machine, self.reference) + notes
+        notes = references.recording_notes(self.signature, self.reference)
+        notes = references.machine_notes(self.machine, self.reference) + notes
         if not told:
             deviation = _law_of(self.known, self.machine).deviation(self.own)
-            known: dict[str, Any] = {"finding": None, "references": len(self.reference.profiles)}
-            evidence = Evidence(deviation=deviation, **known)
-            found = mesh_lost(no_mesh(self.signature, self.machine), evidence)
+            count = len(self.reference.profiles)
+            evidence = Evidence(deviation=deviation, finding=None, references=count)
+            found = alone.mesh_lost(alone.no_mesh(self.signature, self.machine), evidence)
             return replace(found, warnings=(*found.warnings, *notes))
-        if elsewhere := other_speed(self.signature, self.reference):
-            return judged_alone(self.signature, self.machine, elsewhere, self.known.profiles)
+        if elsewhere := references.other_speed(self.signature, self.reference):
+            return alone.judged_alone(self.signature, self.machine, elsewhere, self.known.profiles)
         return self.judged(must_notice, notes)
 
     def judged(self, must_notice: float, notes: Sequence[str]) -> Analysis:
@@ -314,15 +308,12 @@ class _Compared:
             energies = {(own.stage, own.gear): own.energy for own in profiles}
             features = kind_features(changes, energies, self.sidebands)
             flags = verdict.Flagging(evidence, changes, features).flags()
-        found = Analysis(
-            recording=signature.origin,
-            machine=self.machine.name,
+        found = replace(
+            alone.no_mesh(signature, self.machine),
             verdict=answer,
-            reason="",
             score=evidence.score,
             false_alarm_probability=evidence.probability,
             compared_with="reference",
-            signature=signature,
             changes=changes,
             profiles=profiles,
             flags=flags,
@@ -357,7 +348,7 @@ class _Compared:
             recurrence=self._recurrence(finding),
             knocks=signature.lines.knocked,
             path=path_change(deviation.levels, self._families(deviation)),
-            runout=turns.runout_growth(self.sidebands, _healthy_turns(self.known), deviation.gap),
+            runout=turns.runout_growth(self.sidebands, _healthy_turns(self.healthy), deviation.gap),
             nongear=nongear,
             references=len(self.reference.profiles),
             angle=signature.track.uncertainty_turns
@@ -412,8 +403,4 @@ def _profiles(evidence: Evidence, hidden: set[int]) -> Iterator[ToothProfile]:
 
 # several recordings are held against one reference
 _law_of = lru_cache(maxsize=4)(HealthyMachine)
-
-
-@lru_cache(maxsize=4)
-def _healthy_turns(reference: Reference) -> tuple[turns.Sidebands, ...]:
-    return turns.healthy_turns([profile.wheels for profile in reference.profiles])
+_healthy_turns = lru_cache(maxsize=4)(turns.healthy_turns)

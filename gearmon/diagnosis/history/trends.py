@@ -26,19 +26,8 @@ import numpy as np
 from scipy.special import bdtrc, ndtri_exp, stdtrit
 
 from gearmon.arrays import FloatArray, IntArray
-from gearmon.diagnosis.history.changes import (
-    BELOW,
-    COURSES,
-    FEWEST,
-    LEVEL,
-    MOST_CHANGES,
-    ChangePoint,
-    Fits,
-    Series,
-    change_probability,
-    find_changes,
-    permuted_probability,
-)
+from gearmon.diagnosis.history import changes as onsets
+from gearmon.diagnosis.history.changes import BELOW, FEWEST, LEVEL, ChangePoint, Fits, Series
 from gearmon.diagnosis.history.entries import HALF_OF_90, History, Place, time_text
 from gearmon.errors import check_range
 from gearmon.result import Result
@@ -245,9 +234,9 @@ class Trend:
             kept = own = np.ones(1, dtype=np.bool_)
         else:
             fits = Fits.of(self.series, others, bent=True)
-            own = fits.courses == COURSES.index(last.growth)
+            own = fits.courses == onsets.COURSES.index(last.growth)
             own &= fits.places == last.time_s
-            lasting = np.array([growth.folds >= 0 for growth in COURSES])[fits.courses]
+            lasting = np.array([growth.folds >= 0 for growth in onsets.COURSES])[fits.courses]
             kept = lasting & (fits.courses > 0) if last.kind == "growth" else fits.courses == 0
         which = np.concatenate([np.flatnonzero(own), np.flatnonzero(kept & ~own)])
         if fits.freedom < 1:
@@ -259,7 +248,7 @@ class Trend:
         return fits, which[allowed], np.maximum(room[allowed], 0.0)
 
 
-def fit_trend(series: Series, *, below: float = BELOW, most: int = MOST_CHANGES) -> Trend:
+def fit_trend(series: Series, *, below: float = BELOW, most: int = onsets.MOST_CHANGES) -> Trend:
     """Fit the trend of a series.
 
     Parameters
@@ -274,7 +263,7 @@ def fit_trend(series: Series, *, below: float = BELOW, most: int = MOST_CHANGES)
     -------
     Trend
     """
-    return Trend(series, find_changes(series, below=below, most=most))
+    return Trend(series, onsets.find_changes(series, below=below, most=most))
 
 
 def _reached(times: FloatArray, values: FloatArray, limit: float) -> float | None:
@@ -354,7 +343,8 @@ class ToothTrend:
             # a loss that came at once may hide behind what could have been missed before it
             trend = refined if refined.changes else trend
         self.trend = trend = Trend(trend.series, trend.changes, common, missed)
-        chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
+        chances = [change.false_alarm_probability for change in trend.changes]
+        chances.append(onsets.change_probability(stated))
         self.low = np.where(np.isnan(low), value - HALF_OF_90 * sigma, low)
         self.high = np.where(np.isnan(high), value + HALF_OF_90 * sigma, high)
         clear = self.low > 0
@@ -540,7 +530,7 @@ def _evidence(history: History, below: float) -> tuple[Trend, float]:
     time_s, score = np.array(judged, dtype=float).reshape(-1, 2).T
     value, equal = normal_equivalent(score), np.ones(len(score))
     series = Series(time_s=time_s, value=value, sigma=equal, sigma_known=False)
-    probability = permuted_probability(series)
+    probability = onsets.permuted_probability(series)
     # scores that tests cut off scatter less: only when they began to change can be told from them
     found = fit_trend(series, below=below, most=int(probability < below))
     changes = tuple(

@@ -7,7 +7,7 @@ from the loss by the teeth's stiffness.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -17,12 +17,8 @@ import numpy as np
 from scipy.ndimage import convolve1d
 
 from gearmon.arrays import FloatArray
-from gearmon.diagnosis.hypotheses.mesh_harmonics import (
-    LossEstimate,
-    loss_estimate,
-    most_likely,
-    share_lines,
-)
+from gearmon.diagnosis.hypotheses import mesh_harmonics
+from gearmon.diagnosis.hypotheses.mesh_harmonics import LossEstimate, share_lines
 from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear, search_gear
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, FULL_LOAD, GearDeviation
@@ -246,7 +242,7 @@ class ToothFinding:
                 loud = one.log_factor >= _AS_LOUD * first.log_factor
                 if one.search and (sure or (loud and share_lines(one.search, first.search))):
                     competing.append(one.search)
-            blamed, others = most_likely(competing, machine, speed_hz)
+            blamed, others = mesh_harmonics.most_likely(competing, machine, speed_hz)
             self.best = next(one for one in searched if one.search is blamed)
             rivals += [(g.difference.gear, g.difference.stage, lead) for g, lead in others]
         self.rivals = tuple(rivals)
@@ -255,7 +251,7 @@ class ToothFinding:
     def loss(self) -> LossEstimate | None:
         """Loss of stiffness of its pair; None without a template."""
         search = self.best.search
-        return loss_estimate(search, self.machine, self.speed_hz) if search is not None else None
+        return search and mesh_harmonics.loss_estimate(search, self.machine, self.speed_hz)
 
     def of(self, stage: int, gear: str) -> GearEvidence | None:
         """Return the evidence of one gear."""
@@ -282,13 +278,7 @@ def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> T
     # what the teeth make of a loss is told at the speed that comes nearest
     near = min(machine.operating, key=lambda point: abs(point.shaft1_hz - own.speed_hz))
     machine = replace(machine, operating=(replace(near, share=1.0),))
-    searched = tuple(_searched(own, deviation, machine))
-    return ToothFinding(searched, machine, own.speed_hz) if searched else None
-
-
-def _searched(
-    own: Profile, deviation: MachineDeviation, machine: Machine
-) -> Iterator[GearEvidence]:
+    searched: list[GearEvidence] = []
     for gear in deviation.gears:
         alone = as_heard(gear, machine)
         if not alone.bands:
@@ -313,7 +303,8 @@ def _searched(
         if ranked or alone.meetings > 1:
             best, instead = (*ranked, None, None)[:2]
             alone = best.difference if best is not None else alone
-            yield GearEvidence(deviation=alone, search=best, shown=shown, instead=instead)
+            searched.append(GearEvidence(alone, best, shown, instead))
+    return ToothFinding(tuple(searched), machine, own.speed_hz) if searched else None
 
 
 def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:

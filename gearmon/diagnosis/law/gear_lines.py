@@ -29,16 +29,8 @@ import numpy as np
 from scipy.ndimage import convolve1d, uniform_filter1d
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
-from gearmon.diagnosis.law.patterns import (
-    AROUND,
-    GAIN,
-    LEAST_LINES,
-    NEAR,
-    RANK,
-    GearPattern,
-    mesh_bands,
-    turn_energy,
-)
+from gearmon.diagnosis.law import patterns as gear_patterns
+from gearmon.diagnosis.law.patterns import AROUND, GearPattern, mesh_bands, turn_energy
 from gearmon.signals.orders.lines import variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.reference import WheelPattern
@@ -251,7 +243,7 @@ class GearDeviation:
                 np.linalg.norm(columns, axis=1, keepdims=True), np.finfo(float).tiny
             )
             side, size, _ = np.linalg.svd(columns, full_matrices=False)
-            kept = size > RANK * size[:, :1]
+            kept = size > gear_patterns.RANK * size[:, :1]
             followed = np.abs((side.conj().swapaxes(1, 2) @ band.rest[:, :, None])[:, :, 0]) ** 2
             left += float(np.sum(np.abs(band.rest) ** 2) - np.sum(followed[kept]))
             freedom += band.rest.size - np.count_nonzero(kept)
@@ -535,8 +527,8 @@ class GearLaw:
         for (place, usable), (harmonic, band) in every:
             use, side = band[usable[band]], _SIDES[place]
             offset = use - teeth * harmonic
-            far = np.abs(offset) > NEAR
-            if far.sum() < LEAST_LINES:
+            far = np.abs(offset) > gear_patterns.NEAR
+            if far.sum() < gear_patterns.LEAST_LINES:
                 continue
             scale = scales.get((side, harmonic), np.ones((len(parts), new.amplitude.shape[1])))
             healthy = known.amplitude[place][:, use]
@@ -566,7 +558,7 @@ def _without_gain(rest: ComplexArray, pattern: ComplexArray, place: FloatArray) 
 
     Ridge regression with the gains' prior; what it takes away of the degrees of freedom is made up.
     """
-    columns = GAIN * _powers(place) * pattern[:, None, :]
+    columns = gear_patterns.GAIN * _powers(place) * pattern[:, None, :]
     gram = columns.conj() @ columns.swapaxes(1, 2)
     inverse = np.linalg.inv(gram + np.eye(gram.shape[1]))
     gain = np.einsum("cij,cjn,cn->ci", inverse, columns.conj(), rest)
