@@ -261,11 +261,6 @@ class PathChange:
             told = self.common + _WORTH * self.apart > _COMMON
         return self.bands >= 4 and told
 
-    @property
-    def differs(self) -> bool:
-        """Whether channels differ by what neither the gears nor their load make."""
-        return self.apart is not None and self.apart > _APART
-
 
 #: Nothing was compared.
 UNCHANGED = PathChange(common=0.0, apart=None, together=0.0, bands=0)
@@ -377,7 +372,8 @@ class Evidence:
         capped = {name: min(value, LIMITS.levels_open) for name, value in told.items()}
         # nor do levels tell where they may change with the load as they like
         if astray or any(gear.load_unlearned for gear in self.searched):
-            sure = self.path.likely and self.path.differs and path >= _NO_LOAD
+            apart = self.path.apart or 0.0
+            sure = self.path.likely and apart > _APART and path >= _NO_LOAD
             told = capped | ({"path": path} if sure and not astray else {})
         # of a lost angle the smeared lines of the gears look like lines of none
         most = LIMITS.levels_open if self.lost else np.inf

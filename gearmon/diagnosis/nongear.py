@@ -491,8 +491,7 @@ def speed_scatter_db(
     return np.asarray(_FIELD_DB * np.sqrt(2 * left))
 
 
-@dataclass(frozen=True, kw_only=True)
-class NamedSeries:
+class NamedSeries(NamedTuple):
     """Lines with one cause.
 
     Parameters
@@ -550,7 +549,7 @@ def name_lines(
         name = f"unknown line at {lines[i].frequency_hz:.4g} Hz"
         if lines[i].locked == "shaft":
             name = f"unknown line at order {lines[i].order:.4g} of shaft 1"
-        found.append(NamedSeries(kind="unknown lines", name=name, labels={i: ""}))
+        found.append(NamedSeries("unknown lines", name, {i: ""}))
     return tuple(found)
 
 
@@ -574,7 +573,7 @@ class _Naming(NamedTuple):
             rest = [i for i in of_hz if i not in _members(found)]
             labels = {i: f"{round(self.lines[i].frequency_hz / hz)} x {hz:g} Hz" for i in rest}
             name = f"mains, multiples of {hz:g} Hz"
-            found += [NamedSeries(kind="electrical", name=name, labels=labels)] if rest else []
+            found += [NamedSeries("electrical", name, labels)] if rest else []
         return found
 
     def _of_mains(self, i: int, mains: float) -> bool:
@@ -640,13 +639,9 @@ class _Naming(NamedTuple):
         centre = wanted.order * (1 + slip)
         count = int(min(self.top / centre, 2 * _BEARING_HARMONICS))
         places = (h * centre + r * modulating for h in range(1, count + 1) for r in sidebands)
-        return NamedSeries(
-            kind="bearing",
-            name=wanted.name,
-            labels={i: _label(*best[i], by) for i in sorted(best)},
-            orders=tuple(order for order in places if 0 < order < self.top),
-            slip=slip,
-        )
+        labels = {i: _label(*best[i], by) for i in sorted(best)}
+        orders = tuple(order for order in places if 0 < order < self.top)
+        return NamedSeries("bearing", wanted.name, labels, orders, slip)
 
     def _loose(self, left: set[int], shaft: Shaft, part: int) -> NamedSeries | None:
         """Half or third orders of a shaft."""
@@ -658,8 +653,7 @@ class _Naming(NamedTuple):
                 labels[i] = f"{multiple}/{part}"
         if spacing < 4 * self.width or not (len(labels) > 1 or f"1/{part}" in labels.values()):
             return None
-        name = f"{_PARTS[part]} orders of shaft {shaft.number}"
-        return NamedSeries(kind="looseness", name=name, labels=labels)
+        return NamedSeries("looseness", f"{_PARTS[part]} orders of shaft {shaft.number}", labels)
 
 
 def _bearing_of(named: Line | NamedSeries) -> str:

@@ -7,7 +7,6 @@ sentences that can be checked on the pictures.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import astuple
 from operator import attrgetter
 from typing import Any
 
@@ -180,7 +179,7 @@ class Flagging:
                 f"{100 * loss.high:.0f} %) of the stiffness of that tooth's pair would make it"
             )
             # known where the geometry of the gears is
-            depths = [crack_depth_mm(finding.machine, *best.key, own) for own in astuple(loss)]
+            depths = [crack_depth_mm(finding.machine, *best.key, own) for own in loss]
             if depths[0] is not None:
                 size, low, high = ("?" if own is None else f"{own:.2g}" for own in depths)
                 crack = [f"as a crack depth that would be {size} mm ({low} to {high} mm)"]

@@ -175,14 +175,14 @@ class Example:
 
     def __init__(self, lines: MachineLines, kind: str, generator: np.random.Generator) -> None:
         errors, spread = _errors(lines, generator)
-        sound, wrong = lines.healthy + errors, []
+        sound, wrong, noise_db = lines.healthy + errors, [], 0.0
         if kind == "looseness":
             wrong = _loose(lines, spread, generator)
+            noise_db = float(generator.uniform(0, 8))
         elif kind != NONE:
             index = int(generator.integers(len(lines.gears)))
             gear = lines.gears[index]
             wrong = [(gear.wheel, _DRAWN[kind](gear, float(spread[index]), generator))]
-        noise_db = float(generator.uniform(0, 8)) if kind == "looseness" else 0.0
         load = float(np.clip(np.exp(generator.normal(0, 0.12)), 0.7, 1.4))
         moved = load * lines.healthy + errors
         for wheel, added in wrong:
@@ -465,12 +465,8 @@ def _loose(
     return found
 
 
-class _Measured(NamedTuple):
-    """A recording: levels of families with their standard errors [dB], patterns of gears."""
-
-    level_db: FloatArray
-    error_db: FloatArray
-    wheels: list[WheelPattern]
+# A recording: levels of families with their standard errors [dB], patterns of gears.
+_Measured = tuple[FloatArray, FloatArray, list[WheelPattern]]
 
 
 class _Sensors:
@@ -532,27 +528,28 @@ class _Sensors:
             known |= {name: own[:, wheel.lines] for name, own in parts.items()}
             wheels.append(WheelPattern(**known).only(wheel.number * wheel.order < self.top))
         # of the gears of which more than a mesh order is in range
-        return _Measured(*levels, [own for own in wheels if len(own.number) > own.teeth])
+        return *levels, [own for own in wheels if len(own.number) > own.teeth]
 
     def features(self, one: _Measured, two: _Measured) -> FeatureVector:
         """Compare families of lines, channel by channel, turns of the gears, single sidebands."""
-        after = two.level_db + self.rng.normal(0, self.rng.uniform(0.3, 1.5), two.level_db.shape)
+        (before, error_db, known_wheels), (level_db, new_error_db, wheels) = one, two
+        after = level_db + self.rng.normal(0, self.rng.uniform(0.3, 1.5), level_db.shape)
         families, orders = self.lines.plan.families, self.lines.plan.orders
         inside = orders[[max(family.lines) for family in families]] < self.top
         deviation = LevelDeviation(
-            expected_db=one.level_db,
-            rest_db=np.where(inside, after - one.level_db, np.nan),
-            sigma_db=np.sqrt(one.error_db**2 + two.error_db**2 + _BETWEEN_DB**2),
+            expected_db=before,
+            rest_db=np.where(inside, after - before, np.nan),
+            sigma_db=np.sqrt(error_db**2 + new_error_db**2 + _BETWEEN_DB**2),
             gain_db=np.zeros(len(after)),
         )
         changes = level_changes(deviation, [*map(str, range(len(after)))], families)
         near = NEAR if self.rng.uniform() < 0.5 else 0
         # what the two recordings do not share beyond their lines fills all of the turn
         floor, energies = log_uniform(self.rng, 0.003, 0.3), {}
-        for known, own in zip(one.wheels, two.wheels, strict=True):
+        for known, own in zip(known_wheels, wheels, strict=True):
             energy = departure_energy(own, known, near)
             raised = energy + floor * energy.mean()
             energies[own.stage, own.gear] = raised / np.median(raised)
         # a caller may have families of lines only
-        sidebands = {} if self.rng.uniform() < 0.1 else turn_changes(two.wheels, [one.wheels])
+        sidebands = {} if self.rng.uniform() < 0.1 else turn_changes(wheels, [known_wheels])
         return kind_features(changes, energies, sidebands)

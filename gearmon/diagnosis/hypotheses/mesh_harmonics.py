@@ -23,7 +23,6 @@ other gear the same event would have to be ten losses here and a tenth there, at
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -71,8 +70,7 @@ _COMPETES = 2.3
 _WIDER, _ASTRAY, _NEPERS, _BY_FACTORS = 3.0, 0.2, 8.0, 7.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class LossEstimate:
+class LossEstimate(NamedTuple):
     """Loss of stiffness of a tooth pair.
 
     Parameters

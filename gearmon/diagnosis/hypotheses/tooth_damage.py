@@ -250,8 +250,8 @@ class ToothFinding:
     @cached_property
     def loss(self) -> LossEstimate | None:
         """Loss of stiffness of its pair; None without a template."""
-        search = self.best.search
-        return search and mesh_harmonics.loss_estimate(search, self.machine, self.speed_hz)
+        search, known = self.best.search, (self.machine, self.speed_hz)
+        return mesh_harmonics.loss_estimate(search, *known) if search is not None else None
 
     def of(self, stage: int, gear: str) -> GearEvidence | None:
         """Return the evidence of one gear."""
