@@ -70,9 +70,8 @@ def learn(
     machine = load_machine(machine)
     known: dict[str, Any] = {"sampling_rate_hz": sampling_rate_hz, "unit": unit}
     healthy = read_recordings(recordings, sensors=machine.sensors, **known)
-    return learned(
-        measured_healthy((partial(measure_signature, r) for r in healthy), machine), machine
-    )
+    measured = measured_healthy((partial(measure_signature, r) for r in healthy), machine)
+    return learned(measured, machine)
 
 
 def measured_healthy(
@@ -126,9 +125,8 @@ def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Refere
         # of two that differ nobody knows which is the odd one
         if len(others) < 2:
             continue
-        strength = evidence_against(
-            own, machine, references.make_reference(others, machine)
-        ).strength
+        known = references.make_reference(others, machine)
+        strength = evidence_against(own, machine, known).strength
         if strength >= LIMITS.fault:
             doubts.append(
                 f"{own.origin}: departs from the other recordings as a fault would (strength "
@@ -330,16 +328,13 @@ class _Compared:
 
     def evidence(self) -> Evidence:
         """Weigh what speaks against a healthy machine."""
-        signature = self.signature
+        signature, plan = self.signature, self.signature.plan
         nongear = nongear_findings(self.own, self.known, kinematics(self.machine))
         striking = [f for f in nongear if f.false_alarm_probability < LIMITS.rare]
-        mask = disturbed(signature.plan.orders, striking, 2.0 / signature.lines.block_turns)
-        disturbed_families = [
-            family.name for family in signature.plan.families if mask[list(family.lines)].any()
-        ]
-        whole = len(disturbed_families) == len(signature.plan.families)
-        healthy = _law_of(self.known, self.machine)
-        deviation = healthy.deviation(self.own, () if whole else disturbed_families)
+        mask = disturbed(plan.orders, striking, 2.0 / signature.lines.block_turns)
+        left_out = [family.name for family in plan.families if mask[list(family.lines)].any()]
+        healthy, whole = _law_of(self.known, self.machine), len(left_out) == len(plan.families)
+        deviation = healthy.deviation(self.own, () if whole else left_out)
         finding = find_tooth(self.own, deviation, self.machine)
         return Evidence(
             deviation=deviation,

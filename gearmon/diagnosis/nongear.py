@@ -209,23 +209,22 @@ def compare_lines(
     changes = [one for one in compared if one.log10_probability < np.log10(_STRIKING)]
     grid, findings = lines.grid("spectrum"), []
     for series in name_lines([change.line for change in changes], train, grid.width, grid.top):
-        order = sorted(series.labels, key=lambda i: changes[i].log10_probability)
-        first = changes[order[0]]
+        ranked = sorted(series.labels, key=lambda i: changes[i].log10_probability)
+        first = changes[ranked[0]]
         width = lines.grid(first.line.kind).width
         # multiples of the turn in which the same two teeth meet again, where they stand apart
         met = [x.order for x in train.lines if x.kind == "hunting tooth" and x.order >= 4 * width]
-        off = [
-            abs(first.line.order - turn * max(1, round(first.line.order / turn))) for turn in met
-        ]
+        order = first.line.order
+        off = [abs(order - turn * max(1, round(order / turn))) for turn in met]
         if series.kind == "unknown lines" and min(off, default=math.inf) <= 0.5 * width:
             continue
-        told = [_sentence(changes[i], series.labels[i], channel_names) for i in order[:_SENTENCES]]
+        told = [_sentence(changes[i], series.labels[i], channel_names) for i in ranked[:_SENTENCES]]
         findings.append(
             NonGearFinding(
                 kind=series.kind,
                 name=series.name,
-                lines=tuple(changes[i].line for i in order),
-                change_db=max(changes[i].change_db for i in order),
+                lines=tuple(changes[i].line for i in ranked),
+                change_db=max(changes[i].change_db for i in ranked),
                 orders=series.orders,
                 width=grid.width,
                 log10_probability=min(0.0, first.log10_probability),
@@ -255,9 +254,8 @@ def disturbed(
     ndarray of bool
         Also where their lines stand under those of gears and so cannot be seen.
     """
-    swept = [
-        (own.low_order, own.high_order) for f in findings for own in f.lines if own.kind == KINDS[0]
-    ]
+    seen = [own for found in findings for own in found.lines if own.kind == KINDS[0]]
+    swept = [(own.low_order, own.high_order) for own in seen]
     swept += [(order - f.width, order + f.width) for f in findings for order in f.orders]
     low, high = np.reshape(swept, (-1, 2)).T[..., None]
     return np.asarray(np.any((orders > low - resolution) & (orders < high + resolution), axis=0))
@@ -640,8 +638,8 @@ class _Naming(NamedTuple):
         count = int(min(self.top / centre, 2 * _BEARING_HARMONICS))
         places = (h * centre + r * modulating for h in range(1, count + 1) for r in sidebands)
         labels = {i: _label(*best[i], by) for i in sorted(best)}
-        orders = tuple(order for order in places if 0 < order < self.top)
-        return NamedSeries("bearing", wanted.name, labels, orders, slip)
+        inside = tuple(order for order in places if 0 < order < self.top)
+        return NamedSeries("bearing", wanted.name, labels, inside, slip)
 
     def _loose(self, left: set[int], shaft: Shaft, part: int) -> NamedSeries | None:
         """Half or third orders of a shaft."""

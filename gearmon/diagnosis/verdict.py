@@ -425,13 +425,9 @@ def unheard(
     str
         A sentence or two; "" if all of them would have been.
     """
-    gears = dict.fromkeys(
-        (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
-    )
-    least = LIMITS.about * must_notice
-    deaf = [
-        _gear(*own) for own in gears if own[0] in hidden or evidence.heard.get(own, 1.0) > least
-    ]
+    meshes, heard, least = kinematics(machine).meshes, evidence.heard, LIMITS.about * must_notice
+    gears = dict.fromkeys((mesh.stage, wheel.gear) for mesh in meshes for wheel in mesh.wheels)
+    deaf = [_gear(*own) for own in gears if own[0] in hidden or heard.get(own, 1.0) > least]
     told = []
     if deaf:
         told.append(

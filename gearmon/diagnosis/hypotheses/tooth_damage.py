@@ -24,11 +24,9 @@ from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear, searc
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, FULL_LOAD, GearDeviation
 from gearmon.diagnosis.law.machine import MachineDeviation
 from gearmon.errors import ArgumentError, GearmonError
-from gearmon.gears.damage import size_for_loss
-from gearmon.gears.faults import Fault
+from gearmon.gears import damage, faults, tooth_pairs
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.tooth_pairs import teeth_of
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import (
     ToothResponse,
@@ -430,9 +428,8 @@ def _by_neighbours(power: FloatArray, response: ToothResponse) -> FloatArray:
     """Power of each mesh harmonic as those beside it, if they stand alone, let expect it."""
     count = min(len(response.mesh), power.shape[1])
     expected = np.abs(response.mesh[:count]) ** 2
-    told, beside = (
-        convolve1d(own, [1.0, 0.0, 1.0], mode="constant") for own in (power[:, :count], expected)
-    )
+    both, sides = (power[:, :count], expected), [1.0, 0.0, 1.0]
+    told, beside = (convolve1d(own, sides, mode="constant") for own in both)
     return np.asarray(told * np.divide(expected, beside, out=np.zeros(count), where=beside > 0))
 
 
@@ -527,7 +524,8 @@ def crack_depth_mm(machine: Machine, stage: int, gear: str, loss: float) -> floa
     pair, names = next(own for own in named if gear in own[1])
     if pair.stage.module_mm is None or pair.stage.face_width_mm is None:
         return None
-    crack = Fault(kind="crack", stage=stage, gear=gear, tooth=1, size=0.1, unit="mm")
+    crack = faults.Fault(kind="crack", stage=stage, gear=gear, tooth=1, size=0.1, unit="mm")
     with suppress(GearmonError):
-        return float(size_for_loss(crack, loss, teeth_of(pair), names.index(gear)).size)
+        teeth = tooth_pairs.teeth_of(pair)
+        return float(damage.size_for_loss(crack, loss, teeth, names.index(gear)).size)
     return None

@@ -335,9 +335,8 @@ def _log_likelihood(
     energy = np.abs(turned @ projection) ** 2
     whole = np.mean(np.abs(turned[:, 0]) ** 2, axis=1)
     leak = _leak(projection, spread, number, turned.shape[1])
-    beside = np.maximum(
-        _beside(energy / around[:, None], spread, leak), np.maximum(noise, LEAST_MISFIT)
-    )
+    beside = _beside(energy / around[:, None], spread, leak)
+    beside = np.maximum(beside, np.maximum(noise, LEAST_MISFIT))
     least = np.maximum(beside, SEARCH_MISFIT * whole)
     power = size[:, None] ** 2 * spread[:, None]
     told = _beside_noise(power, energy, least)

@@ -78,6 +78,7 @@ _LEFT_BY_EVENT = 0.01
 _STEPS, CONTACT_CENTRE = 8, 0.8
 # Blocks by which it is told whether an event comes again, at most.
 _MOST_BLOCKS = 256
+_TINY = np.finfo(float).tiny
 # Step at which the window of two teeth about that middle begins.
 _WINDOW = round((CONTACT_CENTRE - 1.0) * _STEPS)
 
@@ -134,7 +135,7 @@ class Kriging:
         # variance of the prediction less the truth, and what each coordinate alone would make of it
         apart = np.append(weights, -1.0)
         each = np.maximum(apart @ (size * np.exp(-0.5 * far)) @ apart, 0.0)
-        each *= max(apart @ shared @ apart, 0.0) / max(each.sum(), np.finfo(float).tiny)
+        each *= max(apart @ shared @ apart, 0.0) / max(each.sum(), _TINY)
         self.parts = np.array([scatter**2 * (1.0 + weights @ weights), *each])
         self.spread = float(self.parts.sum())
 
@@ -239,9 +240,7 @@ class GearDeviation:
             gains = _powers((band.number - self.teeth * band.harmonic) / self.teeth).T
             event = waves / band.deviation[:, :, None]
             columns = np.concatenate([event, gains * band.pattern[:, :, None]], axis=2)
-            columns /= np.maximum(
-                np.linalg.norm(columns, axis=1, keepdims=True), np.finfo(float).tiny
-            )
+            columns /= np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), _TINY)
             side, size, _ = np.linalg.svd(columns, full_matrices=False)
             kept = size > gear_patterns.RANK * size[:, :1]
             followed = np.abs((side.conj().swapaxes(1, 2) @ band.rest[:, :, None])[:, :, 0]) ** 2
@@ -254,9 +253,8 @@ class GearDeviation:
             # one line in N tells of a sun's places: the quietest quarter of the turn tells, less
             # what the lines that are heard let leak of the event to the median place
             turn = np.exp(-2j * np.pi * CONTACT_CENTRE / self.teeth)
-            alone = self._around(
-                [np.broadcast_to(turn**band.number, band.rest.shape) for band in self.bands]
-            )
+            one = [np.broadcast_to(turn**band.number, band.rest.shape) for band in self.bands]
+            alone = self._around(one)
             leak = float(np.median(alone) / alone.max() * self._energy.max())
             return max(1.0, (float(np.quantile(self._energy, _QUIET)) - leak) / self.lines)
         left /= max(freedom, 1.0)
@@ -309,7 +307,7 @@ class GearDeviation:
         """Energy around the turn over that of the median place."""
         energy = self._around(lines_of_bands)
         middle = np.median(energy, axis=-1, keepdims=True)
-        return np.asarray(energy / np.maximum(middle, np.finfo(float).tiny))
+        return np.asarray(energy / np.maximum(middle, _TINY))
 
     @cached_property
     def departs(self) -> float:
@@ -374,7 +372,7 @@ class GearDeviation:
         again = float(self._energy[tooth * _STEPS] / scatter[tooth])
         if swings:
             beyond = np.maximum(energy[:, tooth] - np.median(energy, axis=1), 0.0)
-            again = float(beyond.sum() ** 2 / max((beyond**2).sum(), np.finfo(float).tiny))
+            again = float(beyond.sum() ** 2 / max((beyond**2).sum(), _TINY))
         return again, float(scatter[tooth] / np.median(scatter))
 
     @cached_property

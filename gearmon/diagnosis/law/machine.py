@@ -115,11 +115,9 @@ class StateGauge:
             that the mean over both is of second order. The gain of a sensor is taken for load:
             noise follows either.
         """
-        speed = profile.speed_hz / self.base.speed_hz - 1.0
         load = _slope(self._changes(profile), self.direction)
-        return np.array(
-            [load, speed / SPEED_UNIT, (profile.speed_fluctuation / FLUCTUATION_UNIT) ** 2]
-        )
+        speed = (profile.speed_hz / self.base.speed_hz - 1.0) / SPEED_UNIT
+        return np.array([load, speed, (profile.speed_fluctuation / FLUCTUATION_UNIT) ** 2])
 
     def _changes(self, profile: Profile) -> FloatArray:
         """Return changes of the mesh harmonics [Np]; NaN where unheard, and of other families."""
@@ -327,9 +325,8 @@ class HealthyMachine:
             indexed = all(p.tacho for p in profiles) and abs(wheel.order - 1.0) < 1e-12
             patterns = turned_alike(same, same_zero=indexed)
             load = loads[wheel.stage - 1]
-            gears.append(
-                GearLaw(wheel=wheel, patterns=patterns, states=states, load=load, indexed=indexed)
-            )
+            law = GearLaw(wheel=wheel, patterns=patterns, states=states, load=load, indexed=indexed)
+            gears.append(law)
         self.gears = tuple(gears)
 
     def deviation(self, own: Profile, left_out: Sequence[str] = ()) -> MachineDeviation:
