@@ -15,6 +15,7 @@ from gearmon.diagnosis.evidence import LIMITS, Evidence, noticed_from, path_chan
 from gearmon.diagnosis.fault_types.kinds import kind_features
 from gearmon.diagnosis.hypotheses import turns
 from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding, find_tooth, told_losses
+from gearmon.diagnosis.law.gear_lines import which_gear
 from gearmon.diagnosis.law.machine import HealthyMachine, MachineDeviation
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
@@ -379,10 +380,7 @@ def _profiles(evidence: Evidence, hidden: set[int]) -> Iterator[ToothProfile]:
         tooth, position = gear.place
         loss, sigma = told_losses(finding, gear)
         yield ToothProfile(
-            stage=deviation.stage,
-            gear=deviation.gear,
-            teeth=deviation.teeth,
-            order=deviation.order,
+            **which_gear(deviation),
             energy=deviation.by_tooth,
             tooth=tooth,
             position=position,

@@ -32,7 +32,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib import resources
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -229,8 +229,7 @@ _ALONE, _COMMON, _WORTH = 0.25, 0.5, 4.0
 _APART, _NO_LOAD = 0.04, 4.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class PathChange:
+class PathChange(NamedTuple):
     """How far levels changed band by band.
 
     Parameters
@@ -294,12 +293,8 @@ def path_change(levels: LevelDeviation, families: Sequence[Family]) -> PathChang
     # of unrelated changes the mean of `count` has a variance of one part in `count`
     between = np.sum(np.maximum(whole - spread / (count - 1), 0.0))
     within = np.sum(spread * count / (count - 1))
-    return PathChange(
-        common=float(between / max(between + within, np.finfo(float).tiny)),
-        apart=apart,
-        together=float(np.sum(whole)) / max(len(count), 1),
-        bands=len(count),
-    )
+    common = float(between / max(between + within, np.finfo(float).tiny))
+    return PathChange(common, apart, float(np.sum(whole)) / max(len(count), 1), len(count))
 
 
 # Quantile of the broadband spectrum's changes that tells whether any part of it fell: with added

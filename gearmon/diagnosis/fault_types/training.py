@@ -536,12 +536,9 @@ class _Sensors:
         after = level_db + self.rng.normal(0, self.rng.uniform(0.3, 1.5), level_db.shape)
         families, orders = self.lines.plan.families, self.lines.plan.orders
         inside = orders[[max(family.lines) for family in families]] < self.top
-        deviation = LevelDeviation(
-            expected_db=before,
-            rest_db=np.where(inside, after - before, np.nan),
-            sigma_db=np.sqrt(error_db**2 + new_error_db**2 + _BETWEEN_DB**2),
-            gain_db=np.zeros(len(after)),
-        )
+        rest = np.where(inside, after - before, np.nan)
+        sigma = np.sqrt(error_db**2 + new_error_db**2 + _BETWEEN_DB**2)
+        deviation = LevelDeviation(before, rest, sigma, np.zeros(len(after)))
         changes = level_changes(deviation, [*map(str, range(len(after)))], families)
         near = NEAR if self.rng.uniform() < 0.5 else 0
         # what the two recordings do not share beyond their lines fills all of the turn

@@ -596,15 +596,10 @@ def _timed(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) -
 
     middle = quantile(fits.places, 0.5, own)
     first, last = quantile(low, tail, chance), quantile(high, 1.0 - tail, chance)
-    course = fits.courses[np.argmax(np.where(fits.places == middle, own, -1.0))]
-    return replace(
-        change,
-        time_s=middle,
-        growth=COURSES[course],
-        low_s=min(first, middle),
-        high_s=max(last, middle),
-        open_before=bool(first <= times[0]),
-    )
+    growth = COURSES[fits.courses[np.argmax(np.where(fits.places == middle, own, -1.0))]]
+    ends = {"low_s": min(first, middle), "high_s": max(last, middle)}
+    before = bool(first <= times[0])
+    return replace(change, time_s=middle, growth=growth, open_before=before, **ends)
 
 
 def tube_bound(closeness: float, length: float, dimensions: int) -> float:

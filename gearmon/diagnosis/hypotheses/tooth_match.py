@@ -97,6 +97,9 @@ class SearchedGear:
         Logarithm of the Bayes factor of damage on some tooth.
     best : int
         Tooth where damage is most likely if there is any, from 0.
+    matched_event : tuple of (float, float)
+        Matched energy at that tooth over that of the median, at the likeliest loss, and its
+        directions.
     """
 
     def __init__(
@@ -125,19 +128,16 @@ class SearchedGear:
             self.matched += np.mean(energy, axis=0)
         self.log_likelihood, self.log_place = total[0], _any_loss(total[1])
         self.expected, self.stands_out, ratio, weight, squares = expected
-        self.matched_peak = ratio / np.maximum(weight, np.finfo(float).tiny)
-        self.directions = weight**2 / np.maximum(squares, np.finfo(float).tiny)
+        tiny = np.finfo(float).tiny
+        self.matched_peak = ratio / np.maximum(weight, tiny)
+        self.directions = weight**2 / np.maximum(squares, tiny)
         self.log_tooth = _any_loss(self.log_likelihood)
         self.log_gear = float(log_mean(self.log_tooth[:, None])[0])
         self.best = int(np.argmax(self.log_place))
-
-    @property
-    def matched_event(self) -> tuple[float, float]:
-        """Matched energy at the best tooth over that of the median, and its directions."""
         likeliest = int(np.argmax(self.log_likelihood.max(axis=1)))
         energy = self.matched[likeliest]
-        usual = max(float(np.median(energy)), np.finfo(float).tiny)
-        return float(energy[self.best]) / usual, float(self.directions[likeliest])
+        stands_out = float(energy[self.best]) / max(float(np.median(energy)), tiny)
+        self.matched_event = stands_out, float(self.directions[likeliest])
 
     def log_again(self, times: int) -> float:
         """Logarithm of the Bayes factor of events at equal distances in a turn over one alone.

@@ -24,6 +24,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import convolve1d, uniform_filter1d
@@ -81,6 +82,11 @@ _MOST_BLOCKS = 256
 _TINY = np.finfo(float).tiny
 # Step at which the window of two teeth about that middle begins.
 _WINDOW = round((CONTACT_CENTRE - 1.0) * _STEPS)
+
+
+def which_gear(own: WheelPattern | GearDeviation) -> dict[str, Any]:
+    """Return what tells which gear it is, by the names of its fields."""
+    return {name: getattr(own, name) for name in ("stage", "gear", "teeth", "order")}
 
 
 def load_unit(share: float) -> float:
@@ -495,10 +501,7 @@ class GearLaw:
         if not bands:
             return None
         return GearDeviation(
-            stage=wheel.stage,
-            gear=wheel.gear,
-            teeth=wheel.teeth,
-            order=wheel.order,
+            **which_gear(wheel),
             bands=bands,
             # planets may put a mesh harmonic a turn of the carrier beside its place
             mesh_power=(np.abs(lines) ** 2).sum(axis=0),

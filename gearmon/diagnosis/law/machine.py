@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -141,8 +142,7 @@ def _slope(values: FloatArray, along: FloatArray) -> float:
     return float(np.mean(ratio[order][middle]))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LevelDeviation:
+class LevelDeviation(NamedTuple):
     """Deviation of levels from what the references make expect.
 
     Parameters
@@ -215,7 +215,7 @@ def level_deviation(
     expected, rest = mean + gain[:, None], rest - gain[:, None]
     rest = np.where(own.heard | (rest < 0.0), rest, np.nan)
     sigma = np.sqrt(scale * (spread + own.error_db**2))
-    return LevelDeviation(expected_db=expected, rest_db=rest, sigma_db=sigma, gain_db=gain)
+    return LevelDeviation(expected, rest, sigma, gain)
 
 
 def _predicted(
