@@ -431,6 +431,7 @@ def _solver(series: Series, changes: Sequence[ChangePoint]) -> FloatArray:
     return np.asarray(np.linalg.pinv(columns / scale) / scale[:, None])
 
 
+@dataclass(kw_only=True, eq=False)
 class Fits:
     """Least squares by a constant, known changes and one more, for each place and course of that.
 
@@ -463,17 +464,16 @@ class Fits:
         Of the noise in units of the stated one, at least 1 where its size is known.
     """
 
-    def __init__(
-        self,
-        *,
-        series: Series,
-        known: Sequence[ChangePoint],
-        places: FloatArray,
-        courses: IntArray,
-        tangents: bool = False,
-    ) -> None:
-        self.series, self.known, self.places, self.courses = series, known, places, courses
-        base = change_columns(series.time_s, known, tangents=tangents)
+    series: Series
+    known: Sequence[ChangePoint]
+    places: FloatArray
+    courses: IntArray
+    tangents: bool = False
+
+    def __post_init__(self) -> None:
+        """Fit all of them."""
+        series, known, places = self.series, self.known, self.places
+        base = change_columns(series.time_s, known, tangents=self.tangents)
         basis = np.linalg.qr(base / series.sigma[:, None])[0]
         shapes = self._rows(series.time_s, np.arange(len(places)))
         whole = np.vstack([series.value, shapes]) / series.sigma

@@ -55,6 +55,7 @@ _RATE_OVER = 1e-4
 #: Seconds since 1970 beyond the calendar, which are as good as never.
 NEVER_S = 2.5e11
 _Key = tuple[int, str, int | None]
+_Changes = tuple[ChangePoint, ...]
 _Points = list[tuple[float, Place]]
 
 
@@ -108,11 +109,7 @@ class Trend:
     """
 
     def __init__(
-        self,
-        series: Series,
-        changes: tuple[ChangePoint, ...],
-        common: float = 0.0,
-        missed: float = -math.inf,
+        self, series: Series, changes: _Changes, common: float = 0.0, missed: float = -math.inf
     ) -> None:
         self.series, self.changes, self.common, self.missed = series, changes, common, missed
         growths = [change for change in changes if change.kind == "growth"]

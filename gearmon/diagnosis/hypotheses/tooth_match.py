@@ -103,11 +103,7 @@ class SearchedGear:
     """
 
     def __init__(
-        self,
-        difference: GearDeviation,
-        response: ToothResponse,
-        speed_hz: float,
-        heard: Sequence[_Lines],
+        self, difference: GearDeviation, response: ToothResponse, speed_hz: float, heard: _Heard
     ) -> None:
         self.difference, self.response, teeth = difference, response, difference.teeth
         rotation_hz = difference.order * speed_hz
@@ -192,6 +188,7 @@ def search_gear(
 
 
 _Lines = tuple[NDArray[Any], ...]
+_Heard = Sequence[_Lines]
 
 
 def _heard(
@@ -214,7 +211,7 @@ def _heard(
             yield number, band.rest[channel, inside], signal / deviation, np.asarray(noise)
 
 
-def _alike(heard: Sequence[_Lines], places: int) -> Iterator[_Lines]:
+def _alike(heard: _Heard, places: int) -> Iterator[_Lines]:
     """Stack those of equally many lines, some at a time; `places` are tried in each."""
     for lines in sorted({len(number) for number, *_ in heard}):
         same = [one for one in heard if len(one[0]) == lines]
