@@ -200,43 +200,39 @@ def analyse(
     return replace(answer, indicators=indicators)
 
 
-def _measured(
-    recording: Recording, machine: Machine, reference: Reference | None
-) -> MeasuredSignature:
+def _measured(recording: Recording, machine: Machine, known: Reference | None) -> MeasuredSignature:
     """Measure a recording; where what was learned is not heard, also at other speeds.
 
     The lines of a broken tooth, which fill all orders of its gear, suit half the speed as well; and
     those of another mesh may suit one that is not heard.
     """
     signature = measure_signature(recording, machine)
-    if reference is None or signature.speed.method == "tacho":
+    if known is None or signature.speed.method == "tacho":
         return signature
-    if signature.found and not _mesh_gone(signature, reference):
+    if signature.found and not _mesh_gone(signature, known):
         return signature
     speeds = {
         min(machine.operating, key=lambda point: abs(point.shaft1_hz - profile.speed_hz))
-        for profile in reference.profiles
+        for profile in known.profiles
     }
     learned_at = tuple(replace(point, share=1.0 / len(speeds)) for point in speeds)
     again = measure_signature(recording, replace(machine, operating=learned_at), far=True)
     if signature.found:
-        return again if again.found and not _mesh_gone(again, reference) else signature
+        return again if again.found and not _mesh_gone(again, known) else signature
     return again if again.found or again.held else signature
 
 
 def _mesh_gone(signature: MeasuredSignature, reference: Reference) -> bool:
     """Whether a mesh that is not found lies far below that of all healthy recordings."""
     known, rows = reference.shared_with(signature)
+    families = {family.name: family for family in signature.plan.families}
+    column = {name: place for place, name in enumerate(families) if name in known.family_names}
     for stage in (mesh.stage for mesh in signature.meshes if not mesh.found):
-        its = [
-            (place, family.name)
-            for place, family in enumerate(signature.plan.families)
-            if (family.kind, family.stage) == ("mesh", stage) and family.name in known.family_names
-        ]
-        healthy = [profile.of_families([name for _, name in its]) for profile in known.profiles]
+        its = [n for n in column if (families[n].kind, families[n].stage) == ("mesh", stage)]
+        healthy = [profile.of_families(its) for profile in known.profiles]
         heard = np.all([levels.heard for levels in healthy], axis=0)
         least = np.min([levels.level_db for levels in healthy], axis=0)
-        fell = (least - signature.level_db[np.ix_(rows, [place for place, _ in its])])[heard]
+        fell = (least - signature.level_db[np.ix_(rows, [column[n] for n in its])])[heard]
         if fell.size and np.median(fell) > _GONE_DB:
             return True
     return False
@@ -262,12 +258,10 @@ def evidence_against(
 class _Compared:
     """A recording beside its reference: `own` and `known` are both in the channels of both."""
 
-    def __init__(
-        self, signature: MeasuredSignature, machine: Machine, reference: Reference
-    ) -> None:
-        self.signature, self.machine, self.reference = signature, machine, reference
-        self.known, self.rows = reference.shared_with(signature)
-        self.own = Profile.of(signature).part(self.rows)
+    def __init__(self, measured: MeasuredSignature, machine: Machine, reference: Reference) -> None:
+        self.signature, self.machine, self.reference = measured, machine, reference
+        self.known, self.rows = reference.shared_with(measured)
+        self.own = Profile.of(measured).part(self.rows)
         self.healthy = tuple(profile.wheels for profile in self.known.profiles)
 
     @cached_property

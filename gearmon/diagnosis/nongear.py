@@ -449,17 +449,13 @@ def _sources(lines: Sequence[NonGearLine], whole: NonGearLines) -> list[list[int
     return listed_lines.harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
 
 
-def speed_scatter_db(
-    relative_change: FloatArray | float, damping_ratio: float = _DAMPING_RATIO
-) -> FloatArray:
+def speed_scatter_db(relative_change: FloatArray | float) -> FloatArray:
     """Return the standard deviation of the change of a line's level when the speed changes.
 
     Parameters
     ----------
     relative_change : ndarray of float, shape (...)
         Change of speed over speed, of either sign.
-    damping_ratio : float, > 0
-        Damping ratio of the modes on the way to the sensor.
 
     Returns
     -------
@@ -483,7 +479,7 @@ def speed_scatter_db(
     Schroeder, Frequency-correlation functions of frequency responses in rooms, J. Acoust. Soc. Am.
     34 (1962) 1819-1823.
     """
-    rho = 1 / (1 + np.square(relative_change / (2 * damping_ratio)))
+    rho = 1 / (1 + np.square(relative_change / (2 * _DAMPING_RATIO)))
     # spence(1 - x) is the dilogarithm Li2(x)
     left = np.maximum(1 - 6 / math.pi**2 * spence(1 - rho), 0.0)
     return np.asarray(_FIELD_DB * np.sqrt(2 * left))
@@ -598,29 +594,24 @@ class _Naming(NamedTuple):
             found.append(max(usable, key=lambda one: len(one.labels)))
             left = left - set(found[-1].labels)
 
-    def _modulation(self, line: Line) -> tuple[float, str]:
-        """Order that modulates a bearing's line, and its name: the shaft's, the cage's, or none."""
-        if "inner race" in line.name and line.shaft is not None:
-            return self.train.shaft(line.shaft).order, "shaft"
-        if "ball spin" in line.name:
-            cage = f"{_bearing_of(line)}: cage (FTF)"
-            return next(x.order for x in self.train.lines if x.name == cage), "cage"
-        return 0.0, ""
-
-    def _bearing(
-        self, left: set[int], wanted: Line, found: Sequence[NamedSeries]
-    ) -> NamedSeries | None:
+    def _bearing(self, left: set[int], ring: Line, found: list[NamedSeries]) -> NamedSeries | None:
         """Lines of one ring, ball or cage that agree on its slip, or on that of its bearing."""
-        modulating, by = self._modulation(wanted)
+        # the shaft modulates an inner race, the cage the balls, nothing the others
+        modulating, by = 0.0, ""
+        if "inner race" in ring.name and ring.shaft is not None:
+            modulating, by = self.train.shaft(ring.shaft).order, "shaft"
+        elif "ball spin" in ring.name:
+            cage, by = f"{_bearing_of(ring)}: cage (FTF)", "cage"
+            modulating = next(line.order for line in self.train.lines if line.name == cage)
         reach = _BEARING_SIDEBANDS if modulating else 0
         sidebands = sorted(range(-reach, reach + 1), key=abs)
         series = list(product(range(1, _BEARING_HARMONICS + 1), sidebands))
         harmonic, sideband = np.array(series).T
         orders = np.array([[self.lines[i].order] for i in left]).reshape(-1, 1)
         # how far each line would slip as each harmonic with each sideband
-        slips = (orders - sideband * modulating) / (harmonic * wanted.order) - 1
+        slips = (orders - sideband * modulating) / (harmonic * ring.order) - 1
         usual = (slips >= _SLIP_LOW) & (slips <= _SLIP_HIGH)
-        swing = np.maximum(self.width, _SLIP_SWING * orders) / (harmonic * wanted.order)
+        swing = np.maximum(self.width, _SLIP_SWING * orders) / (harmonic * ring.order)
         if not usual.any():
             return None
         # the slip that most lines agree on is that of one of them; the fundamental stands first
@@ -630,16 +621,16 @@ class _Naming(NamedTuple):
         chosen = int(np.argmax(2 * agree + first))
         slip, pairs = float(tried[chosen]), zip(left, near[chosen], strict=True)
         best = {i: series[int(np.argmax(row))] for i, row in pairs if row.any()}
-        known = [one.slip for one in found if _bearing_of(one) == _bearing_of(wanted)]
+        known = [one.slip for one in found if _bearing_of(one) == _bearing_of(ring)]
         agrees = bool(known) and abs(slip - known[0]) <= _SLIP_ALIKE
         if len(set(best.values())) < 2 and (1, 0) not in best.values() and not agrees:
             return None
-        centre = wanted.order * (1 + slip)
+        centre = ring.order * (1 + slip)
         count = int(min(self.top / centre, 2 * _BEARING_HARMONICS))
         places = (h * centre + r * modulating for h in range(1, count + 1) for r in sidebands)
         labels = {i: _label(*best[i], by) for i in sorted(best)}
         inside = tuple(order for order in places if 0 < order < self.top)
-        return NamedSeries("bearing", wanted.name, labels, inside, slip)
+        return NamedSeries("bearing", ring.name, labels, inside, slip)
 
     def _loose(self, left: set[int], shaft: Shaft, part: int) -> NamedSeries | None:
         """Half or third orders of a shaft."""

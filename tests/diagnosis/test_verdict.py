@@ -294,7 +294,7 @@ def test_noise_that_fell_anywhere_was_not_added():
     rose = evidence(lines=2.0, noise=3.0, noise_gain_db=6.0)
     rest = rose.deviation.broadband.rest_db.copy()
     rest[:, : rest.shape[1] // 4] = -9.0
-    fell = replace(rose.deviation, broadband=replace(rose.deviation.broadband, rest_db=rest))
+    fell = replace(rose.deviation, broadband=rose.deviation.broadband._replace(rest_db=rest))
     flags = flags_of(replace(rose, deviation=fell), None, [change(-10.0)], common=0.7)
     assert [flag.kind for flag in flags] == ["path changed"]
 

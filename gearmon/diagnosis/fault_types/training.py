@@ -472,29 +472,27 @@ _Measured = tuple[FloatArray, FloatArray, list[WheelPattern]]
 class _Sensors:
     """Sensors on one machine: path, noise and range drawn, and what they make of its lines."""
 
-    def __init__(
-        self, lines: MachineLines, sound: ComplexArray, generator: np.random.Generator
-    ) -> None:
-        self.lines, self.rng = lines, generator
-        orders, channels = lines.plan.orders, int(generator.integers(1, 4))
+    def __init__(self, lines: MachineLines, sound: ComplexArray, rng: np.random.Generator) -> None:
+        self.lines, self.rng = lines, rng
+        orders, channels = lines.plan.orders, int(rng.integers(1, 4))
         # a smooth random transfer function each: a few delayed echoes
         point, paths = np.linspace(0, orders[-1], _PATH_POINTS), []
         for _ in range(channels):
-            longest = 2 * np.pi / orders[-1] * _LONGEST_ECHO * generator.uniform(0.05, 1.0)
-            delay = generator.uniform(0, longest, _ECHOES)
+            longest = 2 * np.pi / orders[-1] * _LONGEST_ECHO * rng.uniform(0.05, 1.0)
+            delay = rng.uniform(0, longest, _ECHOES)
             # modes of the housing ring on, ever more softly
-            size = generator.normal(size=_ECHOES) + 1j * generator.normal(size=_ECHOES)
+            size = rng.normal(size=_ECHOES) + 1j * rng.normal(size=_ECHOES)
             size *= np.exp(-2.0 * delay / delay.max())
             paths.append(np.interp(orders, point, np.exp(-1j * np.outer(point, delay)) @ size))
         self.path = np.array(paths)
         # a mesh is heard through its own bearings: which one is louder is for the path to say
         rms = np.linalg.norm(sound, axis=1)
-        self.loudness = 10 ** (generator.uniform(-25, 0, (channels, len(rms))) / 20) / rms
+        self.loudness = 10 ** (rng.uniform(-25, 0, (channels, len(rms))) / 20) / rms
         power = np.sum(np.abs(self.path * (self.loudness @ sound)) ** 2, axis=1)
-        self.variance = power * 10 ** (-generator.uniform(48, 75, channels) / 10)
-        self.gain = np.exp(generator.normal(0, 0.4, channels))
-        self.departure = log_uniform(generator, 0.002, 0.03)
-        self.top = float(orders[-1] * generator.uniform(0.3, 1.0))
+        self.variance = power * 10 ** (-rng.uniform(48, 75, channels) / 10)
+        self.gain = np.exp(rng.normal(0, 0.4, channels))
+        self.departure = log_uniform(rng, 0.002, 0.03)
+        self.top = float(orders[-1] * rng.uniform(0.3, 1.0))
 
     def measured(
         self, lines: ComplexArray, noise_db: float = 0.0, *, strangers: bool = False

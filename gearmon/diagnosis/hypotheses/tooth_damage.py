@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 
@@ -79,6 +79,7 @@ _AS_LOUD = 0.5
 _NORMAL_90 = 3.29
 
 
+@dataclass(eq=False)
 class GearEvidence:
     """What speaks for damage of one tooth of a gear.
 
@@ -96,8 +97,6 @@ class GearEvidence:
 
     Attributes
     ----------
-    deviation, search, shown, instead
-        As given.
     key : tuple of (int, str)
         Stage and gear.
     tooth : int
@@ -113,15 +112,15 @@ class GearEvidence:
         energy at the best tooth, as a gamma variable, over the teeth that it may be.
     """
 
-    def __init__(
-        self,
-        deviation: GearDeviation,
-        search: SearchedGear | None,
-        shown: bool = True,
-        instead: SearchedGear | None = None,
-    ) -> None:
-        self.deviation, self.search, self.shown, self.instead = deviation, search, shown, instead
-        self.key, teeth = (deviation.stage, deviation.gear), deviation.teeth
+    deviation: GearDeviation
+    search: SearchedGear | None
+    shown: bool = True
+    instead: SearchedGear | None = None
+
+    def __post_init__(self) -> None:
+        """Tell the tooth, and how much is believed."""
+        deviation, search, teeth = self.deviation, self.search, self.deviation.teeth
+        self.key = (deviation.stage, deviation.gear)
         self.counted_from = "tacho" if deviation.same_zero else "reference"
         shift = 0.0
         if search is None:
@@ -203,7 +202,7 @@ class ToothFinding:
 
     Parameters
     ----------
-    searched : tuple of GearEvidence
+    searched : sequence of GearEvidence
         All gears looked at, at least one.
     machine : Machine
         The machine.
@@ -223,10 +222,8 @@ class ToothFinding:
         which the best explains it better.
     """
 
-    def __init__(
-        self, searched: tuple[GearEvidence, ...], machine: Machine, speed_hz: float
-    ) -> None:
-        self.searched, self.machine, self.speed_hz = searched, machine, speed_hz
+    def __init__(self, searched: Sequence[GearEvidence], machine: Machine, speed_hz: float) -> None:
+        self.searched, self.machine, self.speed_hz = tuple(searched), machine, speed_hz
         self.best = first = max(searched, key=lambda one: one.believed)
         self.evidence, rivals = first.believed, list[tuple[str, int, float]]()
         # those with a template compete by what either should sound like
@@ -302,7 +299,7 @@ def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> T
             best, instead = (*ranked, None, None)[:2]
             alone = best.difference if best is not None else alone
             searched.append(GearEvidence(alone, best, shown, instead))
-    return ToothFinding(tuple(searched), machine, own.speed_hz) if searched else None
+    return ToothFinding(searched, machine, own.speed_hz) if searched else None
 
 
 def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:

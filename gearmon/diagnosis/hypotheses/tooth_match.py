@@ -191,14 +191,12 @@ _Lines = tuple[NDArray[Any], ...]
 _Heard = Sequence[_Lines]
 
 
-def _heard(
-    difference: GearDeviation, response: ToothResponse, path: FloatArray
-) -> Iterator[_Lines]:
+def _heard(deviation: GearDeviation, response: ToothResponse, path: FloatArray) -> Iterator[_Lines]:
     """Numbers of the lines of each band and channel, what departs, and what a unit loss adds.
 
     Last the share of noise in the variance of what departs.
     """
-    for band in difference.bands:
+    for band in deviation.bands:
         inside = band.number < len(response.lines)
         if band.harmonic >= path.shape[1] or not inside.any():
             continue
@@ -206,9 +204,9 @@ def _heard(
         level = np.sqrt(response.band_power(number.astype(np.float64)))
         for channel in np.flatnonzero(path[:, band.harmonic] > 0):
             signal = level * np.sqrt(path[channel, band.harmonic])
-            deviation = band.deviation[channel, inside]
-            noise = np.mean((band.noise[channel, inside] / deviation) ** 2)
-            yield number, band.rest[channel, inside], signal / deviation, np.asarray(noise)
+            unit = band.deviation[channel, inside]
+            noise = np.mean((band.noise[channel, inside] / unit) ** 2)
+            yield number, band.rest[channel, inside], signal / unit, np.asarray(noise)
 
 
 def _alike(heard: _Heard, places: int) -> Iterator[_Lines]:

@@ -34,6 +34,7 @@ _DB = float(20.0 / np.log(10.0))
 #: drawn machines whose natural frequencies were 1 % lower 4 were faults and 29 open with 0.06, the
 #: scatter at one temperature; none and 12 are (worn gears: 17 of 24 noticed then, 10 now).
 LINES, BROADBAND = (0.1, 0.6), (0.15, 0.6)
+_Prior = tuple[float, float]
 # Recordings that the prior of the scale is worth, and the least scale.
 _WORTH, _LEAST_SCALE = 4.0, 1.0
 # Squares of standardised deviations are cut off here, lest one line decide for all.
@@ -171,11 +172,7 @@ class LevelDeviation(NamedTuple):
 
 
 def level_deviation(
-    own: Levels,
-    healthy: Sequence[Levels],
-    states: FloatArray,
-    state: FloatArray,
-    prior: tuple[float, float] = LINES,
+    own: Levels, known: Sequence[Levels], states: FloatArray, at: FloatArray, prior: _Prior = LINES
 ) -> LevelDeviation:
     """Hold levels against the law.
 
@@ -187,27 +184,27 @@ def level_deviation(
         level tell the gain, where enough others do: that of a short recording is the higher for it.
         Where few do, the lower of both is taken: noise that rises hides most lines, and the others
         have not fallen.
-    healthy : sequence of Levels
+    known : sequence of Levels
         The same of the references.
     states : ndarray of float, shape (references, 3)
         Operating states of the references [units].
-    state : ndarray of float, shape (3,)
+    at : ndarray of float, shape (3,)
         That of the recording.
     prior : (float, float)
         Standard deviation of healthy departures and its growth per unit of state [Np], `LINES` or
         `BROADBAND`.
     """
     seen = []
-    for row, one in enumerate(healthy if len(healthy) > 1 else ()):
-        others = [n for n in range(len(healthy)) if n != row]
-        mean, spread = _predicted([healthy[n] for n in others], states[others], states[row], prior)
+    for row, one in enumerate(known if len(known) > 1 else ()):
+        others = [n for n in range(len(known)) if n != row]
+        mean, spread = _predicted([known[n] for n in others], states[others], states[row], prior)
         left = one.level_db - mean
         left -= channel_gain(left)[:, None]
         square = left**2 / (spread + one.error_db**2)
         seen.append(float(channel_gain(square.reshape(1, -1))[0]) / _MEDIAN)
     # variance over its prior, as the references depart from what the others predict of them
     scale = max((_WORTH + sum(seen)) / (_WORTH + len(seen)), _LEAST_SCALE)
-    mean, spread = _predicted(healthy, states, state, prior)
+    mean, spread = _predicted(known, states, at, prior)
     rest = own.level_db - mean
     gain, sure = channel_gain(rest), channel_gain(np.where(own.heard, rest, np.nan))
     # what does not stand above its noise tells how high the gain can be
@@ -219,7 +216,7 @@ def level_deviation(
 
 
 def _predicted(
-    healthy: Sequence[Levels], states: FloatArray, at: FloatArray, prior: tuple[float, float]
+    healthy: Sequence[Levels], states: FloatArray, at: FloatArray, prior: _Prior
 ) -> tuple[FloatArray, FloatArray]:
     """Levels that references let expect at a state, and their variances [dB, dB^2]."""
     kriging = Kriging(states, at, *prior)

@@ -177,4 +177,4 @@ def test_bands_and_channels_speak_for_another_path_together(common, apart, likel
     assert path.likely == likely
     assert not path._replace(bands=3).likely
     # a single channel tells less, and has to do
-    assert replace(path, apart=None).likely == (common > 0.25)
+    assert path._replace(apart=None).likely == (common > 0.25)
