@@ -24,6 +24,7 @@ from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.measured.reference import Profile
 from gearmon.signatures.signature import Signature
 
+_WHY = "There is no healthy reference"
 # False-alarm probability below which one tooth is called damaged. Seen on simulated sound
 # machines: 1 of 52.
 _BELOW = 0.01
@@ -37,10 +38,7 @@ _LOUD_DB = 20.0
 
 
 def judged_alone(
-    signature: MeasuredSignature,
-    machine: Machine,
-    why: str = "There is no healthy reference",
-    healthy: Sequence[Profile] = (),
+    signature: MeasuredSignature, machine: Machine, why: str = _WHY, healthy: Sequence[Profile] = ()
 ) -> Analysis:
     """Judge a recording by itself: every tooth against the others of its gear.
 

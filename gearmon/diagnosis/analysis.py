@@ -238,21 +238,19 @@ def _mesh_gone(signature: MeasuredSignature, reference: Reference) -> bool:
     return False
 
 
-def evidence_against(
-    signature: MeasuredSignature, machine: Machine, reference: Reference
-) -> Evidence:
+def evidence_against(own: MeasuredSignature, machine: Machine, reference: Reference) -> Evidence:
     """Weigh what speaks against a healthy machine, without judging it.
 
     Parameters
     ----------
-    signature : MeasuredSignature
+    own : MeasuredSignature
         Of the new recording.
     machine : Machine
         Its machine.
     reference : Reference
         Healthy recordings.
     """
-    return _Compared(signature, machine, reference).evidence()
+    return _Compared(own, machine, reference).evidence()
 
 
 class _Compared:
@@ -351,8 +349,7 @@ class _Compared:
             return np.inf
         found, plan, lines = finding.best, self.signature.plan, self.signature.lines
         wheel = next(own for own in plan.wheels if (own.stage, own.gear) == found.key)
-        blocks = lines.amplitude[:, self.rows]
-        swings = self.signature.speed_swings
+        blocks, swings = lines.amplitude[:, self.rows], self.signature.speed_swings
         again, scatter = found.deviation.recurrence(found.tooth, blocks, wheel, swings)
         # where the speed swings, knocks are not looked for
         knocked = swings or scatter > LIMITS.knock_scatter or lines.knocked > LIMITS.knocks

@@ -379,8 +379,7 @@ class Evidence:
             told["tooth"] = tooth_strength(self.finding.evidence)
             if self.recurrence < LIMITS.recurs:
                 told["tooth"] = min(0.0, told["tooth"])
-        unsure = np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure
-        if unsure:
+        if np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure:
             # what a smeared angle does to lines; single sidebands are smeared most
             for name in told.keys() - {"lines of no gear"}:
                 told[name] = min(told[name], told[name] * LIMITS.unsure_share)

@@ -449,13 +449,17 @@ def _sources(lines: Sequence[NonGearLine], whole: NonGearLines) -> list[list[int
     return listed_lines.harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
 
 
-def speed_scatter_db(relative_change: FloatArray | float) -> FloatArray:
+def speed_scatter_db(
+    relative_change: FloatArray | float, damping_ratio: float = _DAMPING_RATIO
+) -> FloatArray:
     """Return the standard deviation of the change of a line's level when the speed changes.
 
     Parameters
     ----------
     relative_change : ndarray of float, shape (...)
         Change of speed over speed, of either sign.
+    damping_ratio : float, > 0
+        Damping ratio of the modes on the way to the sensor.
 
     Returns
     -------
@@ -479,7 +483,7 @@ def speed_scatter_db(relative_change: FloatArray | float) -> FloatArray:
     Schroeder, Frequency-correlation functions of frequency responses in rooms, J. Acoust. Soc. Am.
     34 (1962) 1819-1823.
     """
-    rho = 1 / (1 + np.square(relative_change / (2 * _DAMPING_RATIO)))
+    rho = 1 / (1 + np.square(relative_change / (2 * damping_ratio)))
     # spence(1 - x) is the dilogarithm Li2(x)
     left = np.maximum(1 - 6 / math.pi**2 * spence(1 - rho), 0.0)
     return np.asarray(_FIELD_DB * np.sqrt(2 * left))

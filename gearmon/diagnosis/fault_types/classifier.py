@@ -203,14 +203,9 @@ def write_kinds(classifier: KindClassifier, path: str | Path) -> None:
     """
     if not hasattr(classifier, "classes_"):
         raise ArgumentError("the classifier is not trained; call fit before it is stored")
-    header = {
-        "format": FORMAT,
-        "settings": classifier.get_params(),
-        "temperature": classifier.temperature_,
-        "reach": classifier.reach_,
-        "networks": len(classifier.networks_[0]),
-        "machine": classifier.machine_,
-    }
+    header = {name: getattr(classifier, f"{name}_") for name in ("temperature", "reach", "machine")}
+    header |= {"format": FORMAT, "settings": classifier.get_params()}
+    header["networks"] = len(classifier.networks_[0])
     arrays = {name: np.asarray(getattr(classifier, name)) for name in _ARRAYS}
     arrays["classes_"] = arrays["classes_"].astype(str)
     for part, stacked in enumerate(classifier.networks_):

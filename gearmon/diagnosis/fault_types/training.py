@@ -354,11 +354,10 @@ def _errors(lines: MachineLines, generator: np.random.Generator) -> tuple[Comple
         pitch, runout, wobble = (log_uniform(generator, *ends) for ends in _ERROR_EFFECTS)
         weight = generator.normal(0, 1, gear.wheel.teeth)
         angle, other = generator.uniform(0, 2 * np.pi, 2)
-        total[gear.wheel.stage - 1, gear.wheel.lines] += (
-            pitch * gear.by_tooth("pitch", weight - weight.mean())
-            + runout * gear.multiple(1, generator.uniform(), angle)
-            + wobble * gear.multiple(2, 1.0, other) * (gear.distance != 0)
-        )
+        effect = pitch * gear.by_tooth("pitch", weight - weight.mean())
+        effect += runout * gear.multiple(1, generator.uniform(), angle)
+        effect += wobble * gear.multiple(2, 1.0, other) * (gear.distance != 0)
+        total[gear.wheel.stage - 1, gear.wheel.lines] += effect
         spread[index] = np.hypot(pitch, runout)
     return total, spread
 
@@ -522,8 +521,7 @@ class _Sensors:
         wheels, told = [], ("stage", "gear", "teeth", "order", "number", "mesh")
         for wheel in (gear.wheel for gear in self.lines.gears):
             known = {name: getattr(wheel, name) for name in told}
-            parts = {"amplitude": amplitude, "variance": variance}
-            known |= {name: own[:, wheel.lines] for name, own in parts.items()}
+            known |= {"amplitude": amplitude[:, wheel.lines], "variance": variance[:, wheel.lines]}
             wheels.append(WheelPattern(**known).only(wheel.number * wheel.order < self.top))
         # of the gears of which more than a mesh order is in range
         return *levels, [own for own in wheels if len(own.number) > own.teeth]

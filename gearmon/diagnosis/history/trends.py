@@ -369,9 +369,7 @@ class ToothTrend:
         """Return built-in types, ready for JSON."""
         crossing, per_day = self.crossing, np.multiply(SECONDS_PER_DAY, self.trend.rate())
         return {
-            "stage": self.stage,
-            "gear": self.gear,
-            "tooth": self.tooth,
+            **{name: getattr(self, name) for name in ("stage", "gear", "tooth")},
             "estimates": len(self.trend.series),
             **_with_interval("loss", self.now),
             **_with_interval("rate_per_day", per_day),
@@ -440,10 +438,8 @@ class HistoryTrends(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
         reached = {time_s: crossing.to_dict() for time_s, crossing in self.forecasts.items()}
-        told = [
-            entry.to_dict() | {"limit_reached": reached.get(entry.time_s)}
-            for entry in self.history.entries
-        ]
+        entries = self.history.entries
+        told = [own.to_dict() | {"limit_reached": reached.get(own.time_s)} for own in entries]
         return {
             "machine": self.history.machine,
             "recordings": told,

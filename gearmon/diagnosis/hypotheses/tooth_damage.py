@@ -185,11 +185,9 @@ class GearEvidence:
         if self.deviation.mesh_lines is None:
             # what planets add is known less: 14 instead of 9 of 192 losses read `healthy` with it
             directions = 0.0
-        by_teeth = max(
-            self._of_gamma(sure * _TEETH_SCATTER, 1.0 + max(0.0, peak - 1.0) / departs),
-            self._of_gamma(sure * _DIRECTIONS_SCATTER * directions, max(matched, 1.0)),
-        )
-        return min(log_factor, by_teeth) if log_factor > 0 else log_factor
+        by_teeth = self._of_gamma(sure * _TEETH_SCATTER, 1.0 + max(0.0, peak - 1.0) / departs)
+        along = self._of_gamma(sure * _DIRECTIONS_SCATTER * directions, max(matched, 1.0))
+        return min(log_factor, max(by_teeth, along)) if log_factor > 0 else log_factor
 
     def _of_gamma(self, shape: float, peak: float) -> float:
         """Log likelihood ratio of the largest of gamma variables, the tooth unknown."""

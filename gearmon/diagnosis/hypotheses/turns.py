@@ -198,11 +198,10 @@ def _log10_gamma(shape: float, ratio: float) -> float:
 #: harmonics, freed of the gain of the channels and beyond what the mesh harmonic between them rose
 #: by, shape (6,) [dB].
 Sidebands = Mapping[tuple[int, str], FloatArray]
+_Wheels = Sequence[WheelPattern]
 
 
-def turn_changes(
-    wheels: Sequence[WheelPattern], healthy: Sequence[Sequence[WheelPattern]]
-) -> Sidebands:
+def turn_changes(wheels: _Wheels, healthy: Sequence[_Wheels]) -> Sidebands:
     """Compare single sidebands of every gear with those of healthy recordings.
 
     Parameters
@@ -360,7 +359,7 @@ def runout_growth(
     return tuple(sorted(found, key=lambda growth: growth.log10_probability))
 
 
-def healthy_turns(healthy: Sequence[Sequence[WheelPattern]]) -> tuple[Sidebands, ...]:
+def healthy_turns(healthy: Sequence[_Wheels]) -> tuple[Sidebands, ...]:
     """Compare each healthy recording with the others.
 
     Parameters

@@ -320,9 +320,8 @@ class HealthyMachine:
                 continue
             # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
             indexed = all(p.tacho for p in profiles) and abs(wheel.order - 1.0) < 1e-12
-            patterns = turned_alike(same, same_zero=indexed)
-            load = loads[wheel.stage - 1]
-            law = GearLaw(wheel=wheel, patterns=patterns, states=states, load=load, indexed=indexed)
+            own, load = turned_alike(same, same_zero=indexed), loads[wheel.stage - 1]
+            law = GearLaw(wheel=wheel, patterns=own, states=states, load=load, indexed=indexed)
             gears.append(law)
         self.gears = tuple(gears)
 
