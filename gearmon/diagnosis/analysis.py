@@ -225,14 +225,14 @@ def _measured(recording: Recording, machine: Machine, known: Reference | None) -
 def _mesh_gone(signature: MeasuredSignature, reference: Reference) -> bool:
     """Whether a mesh that is not found lies far below that of all healthy recordings."""
     known, rows = reference.shared_with(signature)
-    families = {family.name: family for family in signature.plan.families}
-    column = {name: place for place, name in enumerate(families) if name in known.family_names}
+    families, shared = enumerate(signature.plan.families), known.family_names
+    every = [(f.stage, f.name, k) for k, f in families if f.kind == "mesh" and f.name in shared]
     for stage in (mesh.stage for mesh in signature.meshes if not mesh.found):
-        its = [n for n in column if (families[n].kind, families[n].stage) == ("mesh", stage)]
-        healthy = [profile.of_families(its) for profile in known.profiles]
+        its = {name: place for own, name, place in every if own == stage}
+        healthy = [profile.of_families([*its]) for profile in known.profiles]
         heard = np.all([levels.heard for levels in healthy], axis=0)
         least = np.min([levels.level_db for levels in healthy], axis=0)
-        fell = (least - signature.level_db[np.ix_(rows, [column[n] for n in its])])[heard]
+        fell = (least - signature.level_db[np.ix_(rows, [*its.values()])])[heard]
         if fell.size and np.median(fell) > _GONE_DB:
             return True
     return False

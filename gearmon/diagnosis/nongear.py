@@ -26,7 +26,7 @@ from scipy.special import spence, stdtr
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.law.machine import channel_gain
 from gearmon.gears.kinematics import Kinematics, Line, Shaft
-from gearmon.signatures.measured import nongear_lines as listed_lines
+from gearmon.signatures.measured import nongear_lines
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 from gearmon.signatures.measured.nongear_lines import KINDS, OWN_WIDTHS, NonGearLine, NonGearLines
 from gearmon.signatures.measured.reference import Profile, Reference
@@ -359,7 +359,7 @@ class _Comparison(NamedTuple):
             variance += moving * speed_scatter_db(moves) ** 2 / count
         then = (levels * share).sum(axis=2).T
         change = (now * share).sum(axis=1) - then.mean(axis=1)
-        peaks = grid.looked_at * listed_lines.noise_exceeds(10 ** (highest / 10), grid.pieces)
+        peaks = grid.looked_at * nongear_lines.noise_exceeds(10 ** (highest / 10), grid.pieces)
         return own["place"], change, then, listed.T, variance, peaks
 
     def _turned(self, other: NonGearLines) -> FloatArray:
@@ -446,7 +446,7 @@ def _hidden(lines: NonGearLines) -> tuple[float, ...]:
 
 
 def _sources(lines: Sequence[NonGearLine], whole: NonGearLines) -> list[list[int]]:
-    return listed_lines.harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
+    return nongear_lines.harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
 
 
 def speed_scatter_db(
