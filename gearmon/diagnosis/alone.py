@@ -24,6 +24,7 @@ from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.measured.reference import Profile
 from gearmon.signatures.signature import Signature
 
+_WHY = "There is no healthy reference"
 # False-alarm probability below which one tooth is called damaged. Seen on simulated sound
 # machines: 1 of 52.
 _BELOW = 0.01
@@ -37,10 +38,7 @@ _LOUD_DB = 20.0
 
 
 def judged_alone(
-    signature: MeasuredSignature,
-    machine: Machine,
-    why: str = "There is no healthy reference",
-    healthy: Sequence[Profile] = (),
+    signature: MeasuredSignature, machine: Machine, why: str = _WHY, healthy: Sequence[Profile] = ()
 ) -> Analysis:
     """Judge a recording by itself: every tooth against the others of its gear.
 
@@ -58,37 +56,35 @@ def judged_alone(
     """
     profiles = own_teeth(Profile.of(signature), healthy)
     log10 = min((p.log10_probability for p in profiles), default=0.0)
-    log10 = min(0.0, log10 + _looked_at(profiles))
-    flags = own_teeth_flags(profiles)
+    log10 = min(0.0, log10 + float(np.log10(max(1, len(profiles)))))
+    flags, notes = own_teeth_flags(profiles), list(signature.notes)
     expected: Signature | None = None
-    notes: tuple[str, ...] = ()
     try:
         expected = expected_signature(machine, max_hz=0.5 * signature.sampling_rate_hz)
     except GearmonError as error:
-        notes = (f"no expected signature: {error}",)
-    return Analysis(
-        recording=signature.origin,
-        machine=machine.name,
+        notes.append(f"no expected signature: {error}")
+    return replace(
+        no_mesh(signature, machine),
         verdict="fault" if flags else "cannot tell",
         reason=own_teeth_reason(profiles, why, healthy),
         score=-log10,
         false_alarm_probability=float(10.0**log10),
         compared_with="expected signature" if expected else "nothing",
-        signature=signature,
         profiles=profiles,
         flags=flags,
         expected=expected,
-        warnings=(*signature.notes, *notes, *not_found(signature)),
+        warnings=(*notes, *not_found(signature)),
     )
 
 
 def own_teeth(own: Profile, healthy: Sequence[Profile] = ()) -> tuple[ToothProfile, ...]:
     """Hold every tooth against the others of its gear, of which healthy ones may depart as well."""
-    # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
-    numbered = [own.tacho and abs(wheel.order - 1.0) < 1e-12 for wheel in own.wheels]
-    looked = [locate(w, numbered=n) for w, n in zip(own.wheels, numbered, strict=True)]
     others, found = [one for known in healthy for one in own_teeth(known)], []
-    for one in filter(None, looked):
+    for wheel in own.wheels:
+        # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
+        one = locate(wheel, numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12)
+        if one is None:
+            continue
         same = [o.log10_probability for o in others if (o.stage, o.gear) == (one.stage, one.gear)]
         excess = min(0.0, one.log10_probability - min(same, default=0.0))
         found.append(replace(one, log10_probability=excess))
@@ -103,17 +99,15 @@ def own_teeth_flags(profiles: Sequence[ToothProfile]) -> tuple[Flag, ...]:
     profiles : sequence of ToothProfile
         Gears that were looked at, each against its own other teeth.
     """
-    looked_at = _looked_at(profiles)
+    # any gear may be called damaged by chance
+    looked_at = float(np.log10(max(1, len(profiles))))
     rare = [p for p in profiles if p.log10_probability + looked_at < np.log10(_BELOW)]
     striking = sorted(rare, key=lambda profile: profile.log10_probability)
     if not striking:
         return ()
-    first, others = striking[0], striking[1:]
-    where = (
-        f"tooth {first.tooth}"
-        if first.tooth is not None
-        else f"one place, {first.position:.2f} of a turn after the recording's zero"
-    )
+    first, *others = striking
+    where = f"one place, {first.position:.2f} of a turn after the recording's zero"
+    where = where if first.tooth is None else f"tooth {first.tooth}"
     evidence = [
         f"the {first.gear} of stage {first.stage} departs from its other teeth at {where}: "
         f"{first.ratio:.1f} times the energy of its median tooth",
@@ -133,11 +127,6 @@ def own_teeth_flags(profiles: Sequence[ToothProfile]) -> tuple[Flag, ...]:
     chance = float(10.0 ** min(0.0, first.log10_probability + looked_at))
     told = tuple(evidence)
     return (Flag(kind="tooth damage", false_alarm_probability=chance, evidence=told, **place),)
-
-
-def _looked_at(profiles: Sequence[ToothProfile]) -> float:
-    """Return log10 of the number of gears that may be called damaged by chance."""
-    return float(np.log10(max(1, len(profiles))))
 
 
 def own_teeth_reason(

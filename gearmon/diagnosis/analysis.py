@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis import verdict
-from gearmon.diagnosis.alone import judged_alone, mesh_lost, no_mesh, own_teeth, own_teeth_flags
+from gearmon.diagnosis import alone, verdict
 from gearmon.diagnosis.evidence import LIMITS, Evidence, noticed_from, path_change, tooth_strength
 from gearmon.diagnosis.fault_types.kinds import kind_features
 from gearmon.diagnosis.hypotheses import turns
 from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding, find_tooth, told_losses
+from gearmon.diagnosis.law.gear_lines import which_gear
 from gearmon.diagnosis.law.machine import HealthyMachine, MachineDeviation
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
@@ -24,19 +24,11 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signals.bad_samples import inspected, sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording, read_recordings
+from gearmon.signatures.measured import reference as references
 from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured.line_plan import Family
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
-from gearmon.signatures.measured.reference import (
-    Profile,
-    Reference,
-    is_reference,
-    machine_notes,
-    make_reference,
-    other_speed,
-    read_reference,
-    recording_notes,
-)
+from gearmon.signatures.measured.reference import Profile, Reference
 
 # How far the lines of a mesh lie below those of all healthy recordings [dB] before another speed is
 # looked for: over a factor of ten in load. Of a drawn machine whose second mesh alone is heard, 3 %
@@ -79,9 +71,8 @@ def learn(
     machine = load_machine(machine)
     known: dict[str, Any] = {"sampling_rate_hz": sampling_rate_hz, "unit": unit}
     healthy = read_recordings(recordings, sensors=machine.sensors, **known)
-    return learned(
-        measured_healthy((partial(measure_signature, r) for r in healthy), machine), machine
-    )
+    measured = measured_healthy((partial(measure_signature, r) for r in healthy), machine)
+    return learned(measured, machine)
 
 
 def measured_healthy(
@@ -120,9 +111,9 @@ def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Refere
     GearmonError
         If a recording cannot be used.
     """
-    reference, doubts = make_reference(signatures, machine), []
+    reference, doubts = references.make_reference(signatures, machine), []
     for number, own in enumerate(signatures):
-        if own_teeth_flags(own_teeth(Profile.of(own))):
+        if alone.own_teeth_flags(alone.own_teeth(Profile.of(own))):
             doubts.append(
                 f"{own.origin}: one tooth stands out of its gear already; is the machine sound?"
             )
@@ -135,7 +126,8 @@ def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Refere
         # of two that differ nobody knows which is the odd one
         if len(others) < 2:
             continue
-        strength = evidence_against(own, machine, make_reference(others, machine)).strength
+        known = references.make_reference(others, machine)
+        strength = evidence_against(own, machine, known).strength
         if strength >= LIMITS.fault:
             doubts.append(
                 f"{own.origin}: departs from the other recordings as a fault would (strength "
@@ -188,12 +180,12 @@ def analyse(
     check_range("must_notice", must_notice, 0.0, 1.0)
     machine = load_machine(machine)
     known: dict[str, Any] = {"sampling_rate_hz": sampling_rate_hz, "unit": unit}
-    if isinstance(reference, str | Path) and is_reference(reference):
-        reference = read_reference(reference)
+    if isinstance(reference, str | Path) and references.is_reference(reference):
+        reference = references.read_reference(reference)
     if not (reference is None or isinstance(reference, Reference)):
         reference = learn(reference, machine, **known)
     if reference is not None:
-        machine_notes(machine, reference)  # refuses other gears before any work
+        references.machine_notes(machine, reference)  # refuses other gears before any work
     recording = inspected(read_recording(recording, sensors=machine.sensors, **known))
     signature = _measured(recording, machine, reference)
     vibration = sound_part(recording, 0.0).vibration()
@@ -204,97 +196,90 @@ def analyse(
     if reference is not None:
         answer = _Compared(signature, machine, reference).answer(told, must_notice)
     else:
-        answer = (judged_alone if told else no_mesh)(signature, machine)
+        answer = (alone.judged_alone if told else alone.no_mesh)(signature, machine)
     return replace(answer, indicators=indicators)
 
 
-def _measured(
-    recording: Recording, machine: Machine, reference: Reference | None
-) -> MeasuredSignature:
+def _measured(recording: Recording, machine: Machine, known: Reference | None) -> MeasuredSignature:
     """Measure a recording; where what was learned is not heard, also at other speeds.
 
     The lines of a broken tooth, which fill all orders of its gear, suit half the speed as well; and
     those of another mesh may suit one that is not heard.
     """
     signature = measure_signature(recording, machine)
-    if reference is None or signature.speed.method == "tacho":
+    if known is None or signature.speed.method == "tacho":
         return signature
-    if signature.found and not _mesh_gone(signature, reference):
+    if signature.found and not _mesh_gone(signature, known):
         return signature
     speeds = {
         min(machine.operating, key=lambda point: abs(point.shaft1_hz - profile.speed_hz))
-        for profile in reference.profiles
+        for profile in known.profiles
     }
     learned_at = tuple(replace(point, share=1.0 / len(speeds)) for point in speeds)
     again = measure_signature(recording, replace(machine, operating=learned_at), far=True)
     if signature.found:
-        return again if again.found and not _mesh_gone(again, reference) else signature
+        return again if again.found and not _mesh_gone(again, known) else signature
     return again if again.found or again.held else signature
 
 
 def _mesh_gone(signature: MeasuredSignature, reference: Reference) -> bool:
     """Whether a mesh that is not found lies far below that of all healthy recordings."""
     known, rows = reference.shared_with(signature)
+    families, shared = enumerate(signature.plan.families), known.family_names
+    every = [(f.stage, f.name, k) for k, f in families if f.kind == "mesh" and f.name in shared]
     for stage in (mesh.stage for mesh in signature.meshes if not mesh.found):
-        its = [
-            (place, family.name)
-            for place, family in enumerate(signature.plan.families)
-            if (family.kind, family.stage) == ("mesh", stage) and family.name in known.family_names
-        ]
-        healthy = [profile.of_families([name for _, name in its]) for profile in known.profiles]
+        its = {name: place for own, name, place in every if own == stage}
+        healthy = [profile.of_families([*its]) for profile in known.profiles]
         heard = np.all([levels.heard for levels in healthy], axis=0)
         least = np.min([levels.level_db for levels in healthy], axis=0)
-        fell = (least - signature.level_db[np.ix_(rows, [place for place, _ in its])])[heard]
+        fell = (least - signature.level_db[np.ix_(rows, [*its.values()])])[heard]
         if fell.size and np.median(fell) > _GONE_DB:
             return True
     return False
 
 
-def evidence_against(
-    signature: MeasuredSignature, machine: Machine, reference: Reference
-) -> Evidence:
+def evidence_against(own: MeasuredSignature, machine: Machine, reference: Reference) -> Evidence:
     """Weigh what speaks against a healthy machine, without judging it.
 
     Parameters
     ----------
-    signature : MeasuredSignature
+    own : MeasuredSignature
         Of the new recording.
     machine : Machine
         Its machine.
     reference : Reference
         Healthy recordings.
     """
-    return _Compared(signature, machine, reference).evidence()
+    return _Compared(own, machine, reference).evidence()
 
 
 class _Compared:
     """A recording beside its reference: `own` and `known` are both in the channels of both."""
 
-    def __init__(
-        self, signature: MeasuredSignature, machine: Machine, reference: Reference
-    ) -> None:
-        self.signature, self.machine, self.reference = signature, machine, reference
-        self.known, self.rows = reference.shared_with(signature)
-        self.own = Profile.of(signature).part(self.rows)
+    def __init__(self, measured: MeasuredSignature, machine: Machine, reference: Reference) -> None:
+        self.signature, self.machine, self.reference = measured, machine, reference
+        self.known, self.rows = reference.shared_with(measured)
+        self.own = Profile.of(measured).part(self.rows)
+        self.healthy = tuple(profile.wheels for profile in self.known.profiles)
 
     @cached_property
     def sidebands(self) -> turns.Sidebands:
         """Changes of single sidebands."""
-        return turns.turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
+        return turns.turn_changes(self.own.wheels, self.healthy)
 
     def answer(self, told: bool, must_notice: float) -> Analysis:
         """Judge a recording of which gears are told, or that lacks the mesh of its reference."""
         # refuses other channels
-        notes = recording_notes(self.signature, self.reference)
-        notes = machine_notes(self.machine, self.reference) + notes
+        notes = references.recording_notes(self.signature, self.reference)
+        notes = references.machine_notes(self.machine, self.reference) + notes
         if not told:
             deviation = _law_of(self.known, self.machine).deviation(self.own)
-            known: dict[str, Any] = {"finding": None, "references": len(self.reference.profiles)}
-            evidence = Evidence(deviation=deviation, **known)
-            found = mesh_lost(no_mesh(self.signature, self.machine), evidence)
+            count = len(self.reference.profiles)
+            evidence = Evidence(deviation=deviation, finding=None, references=count)
+            found = alone.mesh_lost(alone.no_mesh(self.signature, self.machine), evidence)
             return replace(found, warnings=(*found.warnings, *notes))
-        if elsewhere := other_speed(self.signature, self.reference):
-            return judged_alone(self.signature, self.machine, elsewhere, self.known.profiles)
+        if elsewhere := references.other_speed(self.signature, self.reference):
+            return alone.judged_alone(self.signature, self.machine, elsewhere, self.known.profiles)
         return self.judged(must_notice, notes)
 
     def judged(self, must_notice: float, notes: Sequence[str]) -> Analysis:
@@ -314,15 +299,12 @@ class _Compared:
             energies = {(own.stage, own.gear): own.energy for own in profiles}
             features = kind_features(changes, energies, self.sidebands)
             flags = verdict.Flagging(evidence, changes, features).flags()
-        found = Analysis(
-            recording=signature.origin,
-            machine=self.machine.name,
+        found = replace(
+            alone.no_mesh(signature, self.machine),
             verdict=answer,
-            reason="",
             score=evidence.score,
             false_alarm_probability=evidence.probability,
             compared_with="reference",
-            signature=signature,
             changes=changes,
             profiles=profiles,
             flags=flags,
@@ -339,16 +321,13 @@ class _Compared:
 
     def evidence(self) -> Evidence:
         """Weigh what speaks against a healthy machine."""
-        signature = self.signature
+        signature, plan = self.signature, self.signature.plan
         nongear = nongear_findings(self.own, self.known, kinematics(self.machine))
         striking = [f for f in nongear if f.false_alarm_probability < LIMITS.rare]
-        mask = disturbed(signature.plan.orders, striking, 2.0 / signature.lines.block_turns)
-        disturbed_families = [
-            family.name for family in signature.plan.families if mask[list(family.lines)].any()
-        ]
-        whole = len(disturbed_families) == len(signature.plan.families)
-        healthy = _law_of(self.known, self.machine)
-        deviation = healthy.deviation(self.own, () if whole else disturbed_families)
+        mask = disturbed(plan.orders, striking, 2.0 / signature.lines.block_turns)
+        left_out = [family.name for family in plan.families if mask[list(family.lines)].any()]
+        healthy, whole = _law_of(self.known, self.machine), len(left_out) == len(plan.families)
+        deviation = healthy.deviation(self.own, () if whole else left_out)
         finding = find_tooth(self.own, deviation, self.machine)
         return Evidence(
             deviation=deviation,
@@ -357,7 +336,7 @@ class _Compared:
             recurrence=self._recurrence(finding),
             knocks=signature.lines.knocked,
             path=path_change(deviation.levels, self._families(deviation)),
-            runout=turns.runout_growth(self.sidebands, _healthy_turns(self.known), deviation.gap),
+            runout=turns.runout_growth(self.sidebands, _healthy_turns(self.healthy), deviation.gap),
             nongear=nongear,
             references=len(self.reference.profiles),
             angle=signature.track.uncertainty_turns
@@ -370,8 +349,7 @@ class _Compared:
             return np.inf
         found, plan, lines = finding.best, self.signature.plan, self.signature.lines
         wheel = next(own for own in plan.wheels if (own.stage, own.gear) == found.key)
-        blocks = lines.amplitude[:, self.rows]
-        swings = self.signature.speed_swings
+        blocks, swings = lines.amplitude[:, self.rows], self.signature.speed_swings
         again, scatter = found.deviation.recurrence(found.tooth, blocks, wheel, swings)
         # where the speed swings, knocks are not looked for
         knocked = swings or scatter > LIMITS.knock_scatter or lines.knocked > LIMITS.knocks
@@ -393,10 +371,7 @@ def _profiles(evidence: Evidence, hidden: set[int]) -> Iterator[ToothProfile]:
         tooth, position = gear.place
         loss, sigma = told_losses(finding, gear)
         yield ToothProfile(
-            stage=deviation.stage,
-            gear=deviation.gear,
-            teeth=deviation.teeth,
-            order=deviation.order,
+            **which_gear(deviation),
             energy=deviation.by_tooth,
             tooth=tooth,
             position=position,
@@ -412,8 +387,4 @@ def _profiles(evidence: Evidence, hidden: set[int]) -> Iterator[ToothProfile]:
 
 # several recordings are held against one reference
 _law_of = lru_cache(maxsize=4)(HealthyMachine)
-
-
-@lru_cache(maxsize=4)
-def _healthy_turns(reference: Reference) -> tuple[turns.Sidebands, ...]:
-    return turns.healthy_turns([profile.wheels for profile in reference.profiles])
+_healthy_turns = lru_cache(maxsize=4)(turns.healthy_turns)

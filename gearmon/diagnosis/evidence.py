@@ -32,7 +32,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib import resources
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -229,8 +229,7 @@ _ALONE, _COMMON, _WORTH = 0.25, 0.5, 4.0
 _APART, _NO_LOAD = 0.04, 4.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class PathChange:
+class PathChange(NamedTuple):
     """How far levels changed band by band.
 
     Parameters
@@ -260,11 +259,6 @@ class PathChange:
         if self.apart is not None:
             told = self.common + _WORTH * self.apart > _COMMON
         return self.bands >= 4 and told
-
-    @property
-    def differs(self) -> bool:
-        """Whether channels differ by what neither the gears nor their load make."""
-        return self.apart is not None and self.apart > _APART
 
 
 #: Nothing was compared.
@@ -299,12 +293,8 @@ def path_change(levels: LevelDeviation, families: Sequence[Family]) -> PathChang
     # of unrelated changes the mean of `count` has a variance of one part in `count`
     between = np.sum(np.maximum(whole - spread / (count - 1), 0.0))
     within = np.sum(spread * count / (count - 1))
-    return PathChange(
-        common=float(between / max(between + within, np.finfo(float).tiny)),
-        apart=apart,
-        together=float(np.sum(whole)) / max(len(count), 1),
-        bands=len(count),
-    )
+    common = float(between / max(between + within, np.finfo(float).tiny))
+    return PathChange(common, apart, float(np.sum(whole)) / max(len(count), 1), len(count))
 
 
 # Quantile of the broadband spectrum's changes that tells whether any part of it fell: with added
@@ -377,7 +367,8 @@ class Evidence:
         capped = {name: min(value, LIMITS.levels_open) for name, value in told.items()}
         # nor do levels tell where they may change with the load as they like
         if astray or any(gear.load_unlearned for gear in self.searched):
-            sure = self.path.likely and self.path.differs and path >= _NO_LOAD
+            apart = self.path.apart or 0.0
+            sure = self.path.likely and apart > _APART and path >= _NO_LOAD
             told = capped | ({"path": path} if sure and not astray else {})
         # of a lost angle the smeared lines of the gears look like lines of none
         most = LIMITS.levels_open if self.lost else np.inf
@@ -388,8 +379,7 @@ class Evidence:
             told["tooth"] = tooth_strength(self.finding.evidence)
             if self.recurrence < LIMITS.recurs:
                 told["tooth"] = min(0.0, told["tooth"])
-        unsure = np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure
-        if unsure:
+        if np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure:
             # what a smeared angle does to lines; single sidebands are smeared most
             for name in told.keys() - {"lines of no gear"}:
                 told[name] = min(told[name], told[name] * LIMITS.unsure_share)

@@ -16,7 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import product, repeat
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,15 +26,9 @@ from scipy.special import spence, stdtr
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.law.machine import channel_gain
 from gearmon.gears.kinematics import Kinematics, Line, Shaft
+from gearmon.signatures.measured import nongear_lines
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
-from gearmon.signatures.measured.nongear_lines import (
-    KINDS,
-    OWN_WIDTHS,
-    NonGearLine,
-    NonGearLines,
-    harmonic_sources,
-    noise_exceeds,
-)
+from gearmon.signatures.measured.nongear_lines import KINDS, OWN_WIDTHS, NonGearLine, NonGearLines
 from gearmon.signatures.measured.reference import Profile, Reference
 
 # What such a line of a healthy machine is taken to change by from one recording to another before
@@ -215,18 +209,22 @@ def compare_lines(
     changes = [one for one in compared if one.log10_probability < np.log10(_STRIKING)]
     grid, findings = lines.grid("spectrum"), []
     for series in name_lines([change.line for change in changes], train, grid.width, grid.top):
-        order = sorted(series.labels, key=lambda i: changes[i].log10_probability)
-        first = changes[order[0]]
+        ranked = sorted(series.labels, key=lambda i: changes[i].log10_probability)
+        first = changes[ranked[0]]
         width = lines.grid(first.line.kind).width
-        if series.kind == "unknown lines" and _of_hunting_tooth(first.line, train, width):
+        # multiples of the turn in which the same two teeth meet again, where they stand apart
+        met = [x.order for x in train.lines if x.kind == "hunting tooth" and x.order >= 4 * width]
+        order = first.line.order
+        off = [abs(order - turn * max(1, round(order / turn))) for turn in met]
+        if series.kind == "unknown lines" and min(off, default=math.inf) <= 0.5 * width:
             continue
-        told = [_sentence(changes[i], series.labels[i], channel_names) for i in order[:_SENTENCES]]
+        told = [_sentence(changes[i], series.labels[i], channel_names) for i in ranked[:_SENTENCES]]
         findings.append(
             NonGearFinding(
                 kind=series.kind,
                 name=series.name,
-                lines=tuple(changes[i].line for i in order),
-                change_db=max(changes[i].change_db for i in order),
+                lines=tuple(changes[i].line for i in ranked),
+                change_db=max(changes[i].change_db for i in ranked),
                 orders=series.orders,
                 width=grid.width,
                 log10_probability=min(0.0, first.log10_probability),
@@ -256,9 +254,8 @@ def disturbed(
     ndarray of bool
         Also where their lines stand under those of gears and so cannot be seen.
     """
-    swept = [
-        (own.low_order, own.high_order) for f in findings for own in f.lines if own.kind == KINDS[0]
-    ]
+    seen = [own for found in findings for own in found.lines if own.kind == KINDS[0]]
+    swept = [(own.low_order, own.high_order) for own in seen]
     swept += [(order - f.width, order + f.width) for f in findings for order in f.orders]
     low, high = np.reshape(swept, (-1, 2)).T[..., None]
     return np.asarray(np.any((orders > low - resolution) & (orders < high + resolution), axis=0))
@@ -346,10 +343,8 @@ class _Comparison(NamedTuple):
         peaks of mere noise are as high.
         """
         own, grid, in_spectrum = self.lines.columns[kind], self.lines.grid(kind), kind == KINDS[0]
-        alike = np.ones(len(own))
-        turned = np.array([self._turned(o) if in_spectrum else alike for o in self.healthy])
-        asked = map(self._levels_in, self.healthy, repeat(kind), turned)
-        levels, listed = (np.array(told) for told in zip(*asked, strict=True))
+        asked = [self._seen_in(other, kind) for other in self.healthy]
+        levels, listed, turned = (np.array(told) for told in zip(*asked, strict=True))
         over, highest = own["over_noise_db"], own["over_noise_db"].max(axis=1)
         heard = over >= np.minimum(grid.least_db, highest)[:, None]
         count = heard.sum(axis=1)
@@ -364,7 +359,7 @@ class _Comparison(NamedTuple):
             variance += moving * speed_scatter_db(moves) ** 2 / count
         then = (levels * share).sum(axis=2).T
         change = (now * share).sum(axis=1) - then.mean(axis=1)
-        peaks = grid.looked_at * noise_exceeds(10 ** (highest / 10), grid.pieces)
+        peaks = grid.looked_at * nongear_lines.noise_exceeds(10 ** (highest / 10), grid.pieces)
         return own["place"], change, then, listed.T, variance, peaks
 
     def _turned(self, other: NonGearLines) -> FloatArray:
@@ -373,32 +368,34 @@ class _Comparison(NamedTuple):
         1 but for what may be of a neighbour that is heard in both: it turns at a speed of its own.
         """
         own, grid = self.lines.columns[KINDS[0]]["order"], self.lines.grid(KINDS[0])
-        both = (self.lines, other)
+        (here, told), (there, also) = (_neighbour(one, self.train) for one in (self.lines, other))
         # where one of both tells it, less does in the other
-        sure = any(_neighbour(lines, self.train, _TELLING) for lines in both)
-        here, there = (_neighbour(lines, self.train, _TELLING - sure) for lines in both)
-        if here is None or there is None:
+        if max(told, also) < _TELLING or min(told, also) < _TELLING - 1:
             return np.ones(len(own))
         away = distance_to(known_orders(self.train, grid.top, grid.width), own / here)
         its = away <= np.maximum(OWN_WIDTHS * grid.width, _SAME_SHARE * own)
         return np.where(its, there / here, 1.0)
 
-    def _levels_in(
-        self, other: NonGearLines, kind: str, turned: FloatArray
-    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+    def _seen_in(self, other: NonGearLines, kind: str) -> tuple[NDArray[Any], ...]:
         """Levels of lines in a healthy recording, NaN if it cannot tell; whether it lists them.
 
-        Their orders there may be `turned` times those here.
+        Last the order of each there over that in this one.
         """
         own, there, grid = self.lines.columns[kind], other.columns[kind], other.grid(kind)
         width, hertz = max(grid.width, self.lines.grid(kind).width), own["frequency_hz"]
+        turned = self._turned(other) if kind == KINDS[0] else np.ones(len(own))
         still, moved = own["locked"] == "time", hertz / other.speed_hz
         # a line that keeps its frequency stands at another order when the speed is another
         order = np.where(still, moved, own["order"])
-        again = turned[:, None] * own["order"][:, None]
-        near = np.maximum(_SAME_WIDTHS * width, _SAME_SHARE * again)
-        same = (turned[:, None] != 1.0) & (np.abs(there["order"] - again) <= near)
-        same |= _same(own, there, width)
+        one, its = own[:, None], turned[:, None]
+        again = its * one["order"]
+        near = np.maximum(_SAME_WIDTHS * width, _SAME_SHARE * np.array([one["order"], again]))
+        same = (its != 1.0) & (np.abs(there["order"] - again) <= near[1])
+        turning = (there["locked"] != "time") & (np.abs(there["order"] - one["order"]) <= near[0])
+        # against time widths are those of the same pieces
+        away = np.abs(there["frequency_hz"] - one["frequency_hz"]) * one["order"]
+        keeping = (there["locked"] != "shaft") & (away <= near[0] * one["frequency_hz"])
+        same |= turning & ~still[:, None] | keeping & (one["locked"] != "shaft")
         listed = np.asarray(same.any(axis=1))
         level = np.where(same[..., None], there["level_db"], -np.inf).max(axis=1, initial=-np.inf)
         level = np.maximum(level, grid.unseen_at(order).T)
@@ -408,20 +405,20 @@ class _Comparison(NamedTuple):
         level[taken | (np.maximum(order, moved) > grid.top)] = np.nan
         if kind == KINDS[0]:
             # lines of the mains may stand under those of gears there
-            off = [np.abs(hertz - np.rint(hertz / one) * one) for one in MAINS_HZ]
-            mains = (own["locked"] != "shaft") & (np.min(off, axis=0) <= _SAME_SHARE * hertz)
+            off = [np.abs(hertz - np.rint(hertz / mains) * mains) for mains in MAINS_HZ]
+            supply = (own["locked"] != "shaft") & (np.min(off, axis=0) <= _SAME_SHARE * hertz)
             reach = _SAME_SHARE * hertz + 2 * width * other.speed_hz
             highest = other.highest_in_time(hertz - reach, hertz + reach).T
-            unasked = ~(still | mains)[:, None] | (listed[:, None] & np.isnan(highest))
+            unasked = ~(still | supply)[:, None] | (listed[:, None] & np.isnan(highest))
             level = np.where(unasked, level, np.maximum(level, highest))
-        return level, listed
+        return level, listed, turned
 
 
 @lru_cache(maxsize=64)
-def _neighbour(lines: NonGearLines, train: Kinematics, least: int) -> float | None:
-    """Speed of a gearbox of the same kind beside this one, over its own; None if none is heard.
+def _neighbour(lines: NonGearLines, train: Kinematics) -> tuple[float, int]:
+    """Speed of a gearbox of the same kind beside this one, over its own, and what tells it.
 
-    At least so many harmonics of its meshes tell it. On either side of a tractor there is the same
+    That is a number of harmonics of its meshes. On either side of a tractor there is the same
     final drive, in the next row the same unit. Each turns at a speed of its own, so that its lines
     would be new in every recording.
     """
@@ -433,9 +430,8 @@ def _neighbour(lines: NonGearLines, train: Kinematics, least: int) -> float | No
     usable = np.abs(ratio - 1.0) <= _NEIGHBOUR
     found = [usable & (np.abs(ratio / one - 1.0) <= _ONE_SPEED) for one in ratio[usable]]
     told = [len(np.unique(harmonic[agree])) for agree in found]
-    if max(told, default=0) < least:
-        return None
-    return float(np.median(ratio[found[int(np.argmax(told))]]))
+    most = max(told, default=0)
+    return float(np.median(ratio[found[told.index(most)]])) if most else 1.0, most
 
 
 @lru_cache(maxsize=64)
@@ -450,18 +446,7 @@ def _hidden(lines: NonGearLines) -> tuple[float, ...]:
 
 
 def _sources(lines: Sequence[NonGearLine], whole: NonGearLines) -> list[list[int]]:
-    return harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
-
-
-def _same(own: NDArray[np.void], there: NDArray[np.void], width: float) -> NDArray[np.bool_]:
-    """Tell which lines of two recordings may be one and the same, shape (own, there)."""
-    one = own[:, None]
-    near = np.maximum(_SAME_WIDTHS * width, _SAME_SHARE * one["order"])
-    turning = (there["locked"] != "time") & (np.abs(there["order"] - one["order"]) <= near)
-    # against time widths are those of the same pieces
-    away = np.abs(there["frequency_hz"] - one["frequency_hz"]) * one["order"]
-    still = (there["locked"] != "shaft") & (away <= near * one["frequency_hz"])
-    return np.asarray(turning & (one["locked"] != "time") | still & (one["locked"] != "shaft"))
+    return nongear_lines.harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
 
 
 def speed_scatter_db(
@@ -504,8 +489,7 @@ def speed_scatter_db(
     return np.asarray(_FIELD_DB * np.sqrt(2 * left))
 
 
-@dataclass(frozen=True, kw_only=True)
-class NamedSeries:
+class NamedSeries(NamedTuple):
     """Lines with one cause.
 
     Parameters
@@ -563,7 +547,7 @@ def name_lines(
         name = f"unknown line at {lines[i].frequency_hz:.4g} Hz"
         if lines[i].locked == "shaft":
             name = f"unknown line at order {lines[i].order:.4g} of shaft 1"
-        found.append(NamedSeries(kind="unknown lines", name=name, labels={i: ""}))
+        found.append(NamedSeries("unknown lines", name, {i: ""}))
     return tuple(found)
 
 
@@ -587,7 +571,7 @@ class _Naming(NamedTuple):
             rest = [i for i in of_hz if i not in _members(found)]
             labels = {i: f"{round(self.lines[i].frequency_hz / hz)} x {hz:g} Hz" for i in rest}
             name = f"mains, multiples of {hz:g} Hz"
-            found += [NamedSeries(kind="electrical", name=name, labels=labels)] if rest else []
+            found += [NamedSeries("electrical", name, labels)] if rest else []
         return found
 
     def _of_mains(self, i: int, mains: float) -> bool:
@@ -614,29 +598,24 @@ class _Naming(NamedTuple):
             found.append(max(usable, key=lambda one: len(one.labels)))
             left = left - set(found[-1].labels)
 
-    def _modulation(self, line: Line) -> tuple[float, str]:
-        """Order that modulates a bearing's line, and its name: the shaft's, the cage's, or none."""
-        if "inner race" in line.name and line.shaft is not None:
-            return self.train.shaft(line.shaft).order, "shaft"
-        if "ball spin" in line.name:
-            cage = f"{_bearing_of(line)}: cage (FTF)"
-            return next(x.order for x in self.train.lines if x.name == cage), "cage"
-        return 0.0, ""
-
-    def _bearing(
-        self, left: set[int], wanted: Line, found: Sequence[NamedSeries]
-    ) -> NamedSeries | None:
+    def _bearing(self, left: set[int], ring: Line, found: list[NamedSeries]) -> NamedSeries | None:
         """Lines of one ring, ball or cage that agree on its slip, or on that of its bearing."""
-        modulating, by = self._modulation(wanted)
+        # the shaft modulates an inner race, the cage the balls, nothing the others
+        modulating, by = 0.0, ""
+        if "inner race" in ring.name and ring.shaft is not None:
+            modulating, by = self.train.shaft(ring.shaft).order, "shaft"
+        elif "ball spin" in ring.name:
+            cage, by = f"{_bearing_of(ring)}: cage (FTF)", "cage"
+            modulating = next(line.order for line in self.train.lines if line.name == cage)
         reach = _BEARING_SIDEBANDS if modulating else 0
         sidebands = sorted(range(-reach, reach + 1), key=abs)
         series = list(product(range(1, _BEARING_HARMONICS + 1), sidebands))
         harmonic, sideband = np.array(series).T
         orders = np.array([[self.lines[i].order] for i in left]).reshape(-1, 1)
         # how far each line would slip as each harmonic with each sideband
-        slips = (orders - sideband * modulating) / (harmonic * wanted.order) - 1
+        slips = (orders - sideband * modulating) / (harmonic * ring.order) - 1
         usual = (slips >= _SLIP_LOW) & (slips <= _SLIP_HIGH)
-        swing = np.maximum(self.width, _SLIP_SWING * orders) / (harmonic * wanted.order)
+        swing = np.maximum(self.width, _SLIP_SWING * orders) / (harmonic * ring.order)
         if not usual.any():
             return None
         # the slip that most lines agree on is that of one of them; the fundamental stands first
@@ -646,20 +625,16 @@ class _Naming(NamedTuple):
         chosen = int(np.argmax(2 * agree + first))
         slip, pairs = float(tried[chosen]), zip(left, near[chosen], strict=True)
         best = {i: series[int(np.argmax(row))] for i, row in pairs if row.any()}
-        known = [one.slip for one in found if _bearing_of(one) == _bearing_of(wanted)]
+        known = [one.slip for one in found if _bearing_of(one) == _bearing_of(ring)]
         agrees = bool(known) and abs(slip - known[0]) <= _SLIP_ALIKE
         if len(set(best.values())) < 2 and (1, 0) not in best.values() and not agrees:
             return None
-        centre = wanted.order * (1 + slip)
+        centre = ring.order * (1 + slip)
         count = int(min(self.top / centre, 2 * _BEARING_HARMONICS))
         places = (h * centre + r * modulating for h in range(1, count + 1) for r in sidebands)
-        return NamedSeries(
-            kind="bearing",
-            name=wanted.name,
-            labels={i: _label(*best[i], by) for i in sorted(best)},
-            orders=tuple(order for order in places if 0 < order < self.top),
-            slip=slip,
-        )
+        labels = {i: _label(*best[i], by) for i in sorted(best)}
+        inside = tuple(order for order in places if 0 < order < self.top)
+        return NamedSeries("bearing", ring.name, labels, inside, slip)
 
     def _loose(self, left: set[int], shaft: Shaft, part: int) -> NamedSeries | None:
         """Half or third orders of a shaft."""
@@ -671,8 +646,7 @@ class _Naming(NamedTuple):
                 labels[i] = f"{multiple}/{part}"
         if spacing < 4 * self.width or not (len(labels) > 1 or f"1/{part}" in labels.values()):
             return None
-        name = f"{_PARTS[part]} orders of shaft {shaft.number}"
-        return NamedSeries(kind="looseness", name=name, labels=labels)
+        return NamedSeries("looseness", f"{_PARTS[part]} orders of shaft {shaft.number}", labels)
 
 
 def _bearing_of(named: Line | NamedSeries) -> str:
@@ -684,24 +658,3 @@ def _label(harmonic: int, sideband: int, by: str) -> str:
     if not sideband:
         return f"{harmonic} x"
     return f"{harmonic} x {'+' if sideband > 0 else '-'} {abs(sideband)} x {by}"
-
-
-def _of_hunting_tooth(line: NonGearLine, train: Kinematics, width: float) -> bool:
-    """Whether a line is a multiple of the turn in which the same two teeth meet again.
-
-    Only where these multiples stand far enough apart for that to mean something.
-
-    Parameters
-    ----------
-    line : NonGearLine
-    train : Kinematics
-    width : float
-        Resolution of the spectrum [orders].
-
-    Returns
-    -------
-    bool
-    """
-    hunting = (x.order for x in train.lines if x.kind == "hunting tooth" and x.order >= 4 * width)
-    nearest = (order * max(1, round(line.order / order)) for order in hunting)
-    return any(abs(line.order - order) <= 0.5 * width for order in nearest)

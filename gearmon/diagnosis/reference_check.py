@@ -122,7 +122,7 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
     check_type("reference", reference, Reference, "what gearmon.learn returns, or its file")
     machine_notes(machine, reference)
     loads = np.exp(HealthyMachine(reference, machine).states[:, 0])
-    recordings: list[CheckedRecording] = []
+    held: list[CheckedRecording] = []
     heard: dict[tuple[int, str], float] = {}
     for number, own in enumerate(reference.profiles):
         others = (*reference.profiles[:number], *reference.profiles[number + 1 :])
@@ -130,7 +130,7 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
         deviation = law.deviation(own)
         finding = find_tooth(own, deviation, machine)
         evidence = Evidence(deviation=deviation, finding=finding, references=max(1, len(others)))
-        recordings.append(
+        held.append(
             CheckedRecording(
                 recording=own.origin,
                 duration_s=own.duration_s,
@@ -142,20 +142,18 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
         for gear in evidence.searched:
             # even the loss of all might not be noticed
             heard[gear.key] = max(heard.get(gear.key, 0.0), noticed_from(gear) or 1.0)
-    gears = tuple(
-        CheckedGear(stage=stage, gear=gear, noticed_from=loss if loss < 1.0 else None)
-        for (stage, gear), loss in heard.items()
-    )
-    deaf = (
-        f"Damage of one tooth of the {gear} of stage {stage} might go unnoticed: record "
-        "longer, under load, or nearer to it."
-        for (stage, gear), loss in heard.items()
-        if loss > LIMITS.must_notice
-    )
     # what was doubtful when it was learned comes first
-    advice = (*reference.notes, *_missing_loads(recordings), *deaf)
+    gears, advice = list[CheckedGear](), [*reference.notes, *_missing_loads(held)]
+    for (stage, name), loss in heard.items():
+        told = loss if loss < 1.0 else None
+        gears.append(CheckedGear(stage=stage, gear=name, noticed_from=told))
+        if loss > LIMITS.must_notice:
+            advice.append(
+                f"Damage of one tooth of the {name} of stage {stage} might go unnoticed: record "
+                "longer, under load, or nearer to it."
+            )
     return ReferenceCheck(
-        machine=reference.machine, recordings=tuple(recordings), gears=gears, advice=advice
+        machine=reference.machine, recordings=tuple(held), gears=tuple(gears), advice=tuple(advice)
     )
 
 

@@ -7,9 +7,8 @@ sentences that can be checked on the pictures.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import astuple
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -98,7 +97,7 @@ def doubt(evidence: Evidence) -> str:
     return ""
 
 
-class Flagging:
+class Flagging(NamedTuple):
     """All that flags are made from.
 
     Parameters
@@ -111,12 +110,9 @@ class Flagging:
         What kinds of fault are told by.
     """
 
-    def __init__(
-        self, evidence: Evidence, changes: tuple[Change, ...], features: FeatureVector
-    ) -> None:
-        self.evidence, self.changes, self.features = evidence, changes, features
-        # the gear that changed most
-        self._focus = features.gears[features.focus]
+    evidence: Evidence
+    changes: tuple[Change, ...]
+    features: FeatureVector
 
     def flags(self) -> tuple[Flag, ...]:
         """Flag what stands out, the strongest first."""
@@ -180,7 +176,7 @@ class Flagging:
                 f"{100 * loss.high:.0f} %) of the stiffness of that tooth's pair would make it"
             )
             # known where the geometry of the gears is
-            depths = [crack_depth_mm(finding.machine, *best.key, own) for own in astuple(loss)]
+            depths = [crack_depth_mm(finding.machine, *best.key, own) for own in loss]
             if depths[0] is not None:
                 size, low, high = ("?" if own is None else f"{own:.2g}" for own in depths)
                 crack = [f"as a crack depth that would be {size} mm ({low} to {high} mm)"]
@@ -217,9 +213,10 @@ class Flagging:
             if spread.of_two_teeth:
                 return self._flag("several teeth", strength, evidence, best.key)
         # what departs repeats with all gears on its shaft: the one that changed most tells its kind
-        focused, order = finding.of(*self._focus), best.deviation.order
+        focus, order = self.features.gears[self.features.focus], best.deviation.order
+        focused = finding.of(*focus)
         alike = focused is not None and abs(focused.deviation.order - order) <= 1e-9 * order
-        kind, place, told = self._kind(self._focus if alike else best.key, _UNCLEAR, best.key)
+        kind, place, told = self._kind(focus if alike else best.key, _UNCLEAR, best.key)
         return self._flag(kind, strength, (*evidence, *told), place)
 
     def _kind(
@@ -260,7 +257,8 @@ class Flagging:
             own = sentences([change for change in self.changes if group(change) == group(first)])
             # the kind of fault that they are most like
             plain = f"changed {first.kind}", (first.stage, first.gear)
-            kind, place, why = self._kind(self._focus, *plain)
+            focus = self.features.gears[self.features.focus]
+            kind, place, why = self._kind(focus, *plain)
             return [self._flag(kind, strength, (*why, *own), place)]
         # mains and bearings fill whole bands of the spectrum; no gear is to blame
         kind = "broadband rise" if noisy else "broadband change"
@@ -426,13 +424,9 @@ def unheard(
     str
         A sentence or two; "" if all of them would have been.
     """
-    gears = dict.fromkeys(
-        (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
-    )
-    least = LIMITS.about * must_notice
-    deaf = [
-        _gear(*own) for own in gears if own[0] in hidden or evidence.heard.get(own, 1.0) > least
-    ]
+    meshes, heard, least = kinematics(machine).meshes, evidence.heard, LIMITS.about * must_notice
+    gears = dict.fromkeys((mesh.stage, wheel.gear) for mesh in meshes for wheel in mesh.wheels)
+    deaf = [_gear(*own) for own in gears if own[0] in hidden or heard.get(own, 1.0) > least]
     told = []
     if deaf:
         told.append(

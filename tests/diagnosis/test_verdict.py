@@ -19,8 +19,8 @@ from gearmon.diagnosis.evidence import (
     comparable,
     false_alarm_probability,
 )
-from gearmon.diagnosis.fault_types import NAMES, FeatureVector
-from gearmon.diagnosis.fault_types.kinds import rule_probabilities
+from gearmon.diagnosis.fault_types import NAMES
+from gearmon.diagnosis.fault_types.kinds import FeatureVector, rule_probabilities
 from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, LossEstimate, ToothFinding
 from gearmon.diagnosis.hypotheses.turns import runout_growth
@@ -294,7 +294,7 @@ def test_noise_that_fell_anywhere_was_not_added():
     rose = evidence(lines=2.0, noise=3.0, noise_gain_db=6.0)
     rest = rose.deviation.broadband.rest_db.copy()
     rest[:, : rest.shape[1] // 4] = -9.0
-    fell = replace(rose.deviation, broadband=replace(rose.deviation.broadband, rest_db=rest))
+    fell = replace(rose.deviation, broadband=rose.deviation.broadband._replace(rest_db=rest))
     flags = flags_of(replace(rose, deviation=fell), None, [change(-10.0)], common=0.7)
     assert [flag.kind for flag in flags] == ["path changed"]
 
@@ -494,8 +494,8 @@ def test_a_mesh_that_is_gone_is_a_fault_but_where_all_is_quiet(noise, gain_db, v
 
 def test_a_changed_level_is_what_was_expected_and_the_rest():
     rest = np.array([[1.0, np.nan, -2.0]])
-    told = replace(levels(), expected_db=np.array([[-10.0, -20.0, -30.0]]), rest_db=rest)
-    told = replace(told, sigma_db=np.array([[0.5, 0.6, 0.7]]))
+    expected_db, sigma_db = np.array([[[-10.0, -20.0, -30.0]], [[0.5, 0.6, 0.7]]])
+    told = levels()._replace(expected_db=expected_db, rest_db=rest, sigma_db=sigma_db)
     named = {"stage": 1, "gear": "gear", "spacing": 0.4, "shaft": 2, "lines": (0,)}
     families = [Family(kind="sidebands", harmonic=k, **named) for k in (1, 2, 3)]
     one, other = level_changes(told, ["a1"], families)

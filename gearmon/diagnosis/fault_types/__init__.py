@@ -15,16 +15,7 @@ from gearmon.lazy import lazily
 
 _OFFERED = {
     "classifier": ("KindClassifier", "read_kinds", "write_kinds"),
-    "kinds": (
-        "FEATURES",
-        "KINDS",
-        "NAMES",
-        "NONE",
-        "FeatureVector",
-        "analysis_features",
-        "kind_features",
-        "kind_of_analysis",
-    ),
+    "kinds": ("FEATURES", "KINDS", "NAMES", "NONE", "kind_features", "kind_of_analysis"),
     "training": ("train_kinds",),
 }
 

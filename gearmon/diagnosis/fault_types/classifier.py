@@ -203,14 +203,9 @@ def write_kinds(classifier: KindClassifier, path: str | Path) -> None:
     """
     if not hasattr(classifier, "classes_"):
         raise ArgumentError("the classifier is not trained; call fit before it is stored")
-    header = {
-        "format": FORMAT,
-        "settings": classifier.get_params(),
-        "temperature": classifier.temperature_,
-        "reach": classifier.reach_,
-        "networks": len(classifier.networks_[0]),
-        "machine": classifier.machine_,
-    }
+    header = {name: getattr(classifier, f"{name}_") for name in ("temperature", "reach", "machine")}
+    header |= {"format": FORMAT, "settings": classifier.get_params()}
+    header["networks"] = len(classifier.networks_[0])
     arrays = {name: np.asarray(getattr(classifier, name)) for name in _ARRAYS}
     arrays["classes_"] = arrays["classes_"].astype(str)
     for part, stacked in enumerate(classifier.networks_):
@@ -246,11 +241,10 @@ def read_kinds(path: str | Path) -> KindClassifier:
         classifier.n_features_in_ = len(classifier.mean_)
         # a file may be damaged and still be an archive: what no training gives is refused
         classes, scales = classifier.classes_, [classifier.reach_, classifier.temperature_]
-        parts = [arrays[name] for name in _ARRAYS[1:]] + classifier.networks_
-        if not all(part.dtype.kind == "f" and np.isfinite(part).all() for part in parts):
-            raise ValueError("its numbers are none")
-        if not np.isfinite(scales).all() or min(*scales, *classifier.scale_) <= 0:
-            raise ValueError("its scales cannot be")
+        parts = [np.array(scales), *(arrays[name] for name in _ARRAYS[1:]), *classifier.networks_]
+        sound = all(part.dtype.kind == "f" and np.isfinite(part).all() for part in parts)
+        if not sound or min(*scales, *classifier.scale_) <= 0:
+            raise ValueError("its numbers cannot be")
         if classes.dtype.kind != "U" or not 0 < classes.size == len(set(classes.tolist())):
             raise ValueError("its kinds cannot be")
         # what does not fit together cannot be multiplied

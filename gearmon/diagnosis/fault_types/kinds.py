@@ -24,7 +24,7 @@ import numpy as np
 from scipy.special import softmax
 
 from gearmon.arrays import FloatArray
-from gearmon.diagnosis.hypotheses.turns import Sidebands, aligned, departure_energy, turn_changes
+from gearmon.diagnosis.hypotheses.turns import aligned, departure_energy, turn_changes
 from gearmon.diagnosis.results import Analysis, Change
 from gearmon.errors import ArgumentError, check_type
 from gearmon.result import Result
@@ -150,13 +150,12 @@ class FeatureVector:
         return dict(zip(NAMES, self.values[row].tolist(), strict=True))
 
 
-_NOTHING: Mapping[_Gear, FloatArray] = {}
+_ByGear = Mapping[_Gear, FloatArray]
+_NOTHING: _ByGear = {}
 
 
 def kind_features(
-    changes: Sequence[Change],
-    energies: Mapping[_Gear, FloatArray] = _NOTHING,
-    sidebands: Sidebands = _NOTHING,
+    changes: Sequence[Change], energies: _ByGear = _NOTHING, sidebands: _ByGear = _NOTHING
 ) -> FeatureVector:
     """Condense changes against the healthy machine to the features of each gear.
 
@@ -226,21 +225,18 @@ def _grouped(
     To their weighted mean, that of the first harmonic, the slope over log2 of the harmonic (0 where
     there is only one), and their root mean square.
     """
-    members: dict[tuple[str, int, str], list[int]] = {}
-    for place, change in enumerate(changes):
-        members.setdefault((change.kind, change.stage, change.gear), []).append(place)
+    keys = [(change.kind, change.stage, change.gear) for change in changes]
     every = 1.0 / (np.array([change.scatter_db for change in changes]) ** 2 + 1.0)
     octaves, found = np.log2([change.harmonic for change in changes]), {}
-    for key, own in members.items():
+    for key in dict.fromkeys(keys):
+        own = [place for place, one in enumerate(keys) if one == key]
         octave, moved, weight = octaves[own], moved_db[own], every[own]
         first = octave == octave.min()
         spread, product = np.cov(octave, moved, aweights=weight, ddof=0)[0]
-        found[key] = (
-            float(np.average(moved, weights=weight)),
-            float(np.average(moved[first], weights=weight[first])),
-            float(product / spread) if spread >= 1e-9 else 0.0,
-            float(np.sqrt(np.average(moved**2, weights=weight))),
-        )
+        slope = product / spread if spread >= 1e-9 else 0.0
+        mean, square = (np.average(told, weights=weight) for told in (moved, moved**2))
+        lowest = np.average(moved[first], weights=weight[first])
+        found[key] = float(mean), float(lowest), float(slope), float(np.sqrt(square))
     return found
 
 

@@ -175,14 +175,14 @@ class Example:
 
     def __init__(self, lines: MachineLines, kind: str, generator: np.random.Generator) -> None:
         errors, spread = _errors(lines, generator)
-        sound, wrong = lines.healthy + errors, []
+        sound, wrong, noise_db = lines.healthy + errors, [], 0.0
         if kind == "looseness":
             wrong = _loose(lines, spread, generator)
+            noise_db = float(generator.uniform(0, 8))
         elif kind != NONE:
             index = int(generator.integers(len(lines.gears)))
             gear = lines.gears[index]
             wrong = [(gear.wheel, _DRAWN[kind](gear, float(spread[index]), generator))]
-        noise_db = float(generator.uniform(0, 8)) if kind == "looseness" else 0.0
         load = float(np.clip(np.exp(generator.normal(0, 0.12)), 0.7, 1.4))
         moved = load * lines.healthy + errors
         for wheel, added in wrong:
@@ -354,11 +354,10 @@ def _errors(lines: MachineLines, generator: np.random.Generator) -> tuple[Comple
         pitch, runout, wobble = (log_uniform(generator, *ends) for ends in _ERROR_EFFECTS)
         weight = generator.normal(0, 1, gear.wheel.teeth)
         angle, other = generator.uniform(0, 2 * np.pi, 2)
-        total[gear.wheel.stage - 1, gear.wheel.lines] += (
-            pitch * gear.by_tooth("pitch", weight - weight.mean())
-            + runout * gear.multiple(1, generator.uniform(), angle)
-            + wobble * gear.multiple(2, 1.0, other) * (gear.distance != 0)
-        )
+        effect = pitch * gear.by_tooth("pitch", weight - weight.mean())
+        effect += runout * gear.multiple(1, generator.uniform(), angle)
+        effect += wobble * gear.multiple(2, 1.0, other) * (gear.distance != 0)
+        total[gear.wheel.stage - 1, gear.wheel.lines] += effect
         spread[index] = np.hypot(pitch, runout)
     return total, spread
 
@@ -465,40 +464,34 @@ def _loose(
     return found
 
 
-class _Measured(NamedTuple):
-    """A recording: levels of families with their standard errors [dB], patterns of gears."""
-
-    level_db: FloatArray
-    error_db: FloatArray
-    wheels: list[WheelPattern]
+# A recording: levels of families with their standard errors [dB], patterns of gears.
+_Measured = tuple[FloatArray, FloatArray, list[WheelPattern]]
 
 
 class _Sensors:
     """Sensors on one machine: path, noise and range drawn, and what they make of its lines."""
 
-    def __init__(
-        self, lines: MachineLines, sound: ComplexArray, generator: np.random.Generator
-    ) -> None:
-        self.lines, self.rng = lines, generator
-        orders, channels = lines.plan.orders, int(generator.integers(1, 4))
+    def __init__(self, lines: MachineLines, sound: ComplexArray, rng: np.random.Generator) -> None:
+        self.lines, self.rng = lines, rng
+        orders, channels = lines.plan.orders, int(rng.integers(1, 4))
         # a smooth random transfer function each: a few delayed echoes
         point, paths = np.linspace(0, orders[-1], _PATH_POINTS), []
         for _ in range(channels):
-            longest = 2 * np.pi / orders[-1] * _LONGEST_ECHO * generator.uniform(0.05, 1.0)
-            delay = generator.uniform(0, longest, _ECHOES)
+            longest = 2 * np.pi / orders[-1] * _LONGEST_ECHO * rng.uniform(0.05, 1.0)
+            delay = rng.uniform(0, longest, _ECHOES)
             # modes of the housing ring on, ever more softly
-            size = generator.normal(size=_ECHOES) + 1j * generator.normal(size=_ECHOES)
+            size = rng.normal(size=_ECHOES) + 1j * rng.normal(size=_ECHOES)
             size *= np.exp(-2.0 * delay / delay.max())
             paths.append(np.interp(orders, point, np.exp(-1j * np.outer(point, delay)) @ size))
         self.path = np.array(paths)
         # a mesh is heard through its own bearings: which one is louder is for the path to say
         rms = np.linalg.norm(sound, axis=1)
-        self.loudness = 10 ** (generator.uniform(-25, 0, (channels, len(rms))) / 20) / rms
+        self.loudness = 10 ** (rng.uniform(-25, 0, (channels, len(rms))) / 20) / rms
         power = np.sum(np.abs(self.path * (self.loudness @ sound)) ** 2, axis=1)
-        self.variance = power * 10 ** (-generator.uniform(48, 75, channels) / 10)
-        self.gain = np.exp(generator.normal(0, 0.4, channels))
-        self.departure = log_uniform(generator, 0.002, 0.03)
-        self.top = float(orders[-1] * generator.uniform(0.3, 1.0))
+        self.variance = power * 10 ** (-rng.uniform(48, 75, channels) / 10)
+        self.gain = np.exp(rng.normal(0, 0.4, channels))
+        self.departure = log_uniform(rng, 0.002, 0.03)
+        self.top = float(orders[-1] * rng.uniform(0.3, 1.0))
 
     def measured(
         self, lines: ComplexArray, noise_db: float = 0.0, *, strangers: bool = False
@@ -528,31 +521,28 @@ class _Sensors:
         wheels, told = [], ("stage", "gear", "teeth", "order", "number", "mesh")
         for wheel in (gear.wheel for gear in self.lines.gears):
             known = {name: getattr(wheel, name) for name in told}
-            parts = {"amplitude": amplitude, "variance": variance}
-            known |= {name: own[:, wheel.lines] for name, own in parts.items()}
+            known |= {"amplitude": amplitude[:, wheel.lines], "variance": variance[:, wheel.lines]}
             wheels.append(WheelPattern(**known).only(wheel.number * wheel.order < self.top))
         # of the gears of which more than a mesh order is in range
-        return _Measured(*levels, [own for own in wheels if len(own.number) > own.teeth])
+        return *levels, [own for own in wheels if len(own.number) > own.teeth]
 
     def features(self, one: _Measured, two: _Measured) -> FeatureVector:
         """Compare families of lines, channel by channel, turns of the gears, single sidebands."""
-        after = two.level_db + self.rng.normal(0, self.rng.uniform(0.3, 1.5), two.level_db.shape)
+        (before, error_db, known_wheels), (level_db, new_error_db, wheels) = one, two
+        after = level_db + self.rng.normal(0, self.rng.uniform(0.3, 1.5), level_db.shape)
         families, orders = self.lines.plan.families, self.lines.plan.orders
         inside = orders[[max(family.lines) for family in families]] < self.top
-        deviation = LevelDeviation(
-            expected_db=one.level_db,
-            rest_db=np.where(inside, after - one.level_db, np.nan),
-            sigma_db=np.sqrt(one.error_db**2 + two.error_db**2 + _BETWEEN_DB**2),
-            gain_db=np.zeros(len(after)),
-        )
+        rest = np.where(inside, after - before, np.nan)
+        sigma = np.sqrt(error_db**2 + new_error_db**2 + _BETWEEN_DB**2)
+        deviation = LevelDeviation(before, rest, sigma, np.zeros(len(after)))
         changes = level_changes(deviation, [*map(str, range(len(after)))], families)
         near = NEAR if self.rng.uniform() < 0.5 else 0
         # what the two recordings do not share beyond their lines fills all of the turn
         floor, energies = log_uniform(self.rng, 0.003, 0.3), {}
-        for known, own in zip(one.wheels, two.wheels, strict=True):
+        for known, own in zip(known_wheels, wheels, strict=True):
             energy = departure_energy(own, known, near)
             raised = energy + floor * energy.mean()
             energies[own.stage, own.gear] = raised / np.median(raised)
         # a caller may have families of lines only
-        sidebands = {} if self.rng.uniform() < 0.1 else turn_changes(two.wheels, [one.wheels])
+        sidebands = {} if self.rng.uniform() < 0.1 else turn_changes(wheels, [known_wheels])
         return kind_features(changes, energies, sidebands)

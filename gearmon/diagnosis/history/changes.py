@@ -130,16 +130,14 @@ CHANCES = np.repeat(np.divide([0.1, 0.25, 0.225, 0.225, 0.2], _SIZES), _SIZES)
 _TAIL = 0.2
 
 
-def growth_rows(
-    time_s: FloatArray, places_s: FloatArray, end_s: float, growth: Growth
-) -> FloatArray:
+def growth_rows(time_s: FloatArray, tau_s: FloatArray, end_s: float, growth: Growth) -> FloatArray:
     """Return a course that began at some places, as rows.
 
     Parameters
     ----------
     time_s : ndarray of float, shape (n,)
         Times [s].
-    places_s : ndarray of float, shape (places,)
+    tau_s : ndarray of float, shape (places,)
         Where it began [s], before `end_s`.
     end_s : float
         Time of the last recording [s].
@@ -151,8 +149,8 @@ def growth_rows(
         Of growth ``L growth((t - tau) / L)`` with ``L = end_s - tau``: of mean slope 1 up to the
         last one. A step has the height 1.
     """
-    span = np.maximum(end_s - places_s, _TINY)[:, None]
-    share = (time_s - places_s[:, None]) / span
+    span = np.maximum(end_s - tau_s, _TINY)[:, None]
+    share = (time_s - tau_s[:, None]) / span
     return np.asarray(growth.at(share) * (span if growth.exponent else 1.0))
 
 
@@ -415,12 +413,9 @@ def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint:
     if series.sigma_known:
         least = sum(known_noise_bound(along[best] * size, length) for length in lengths)
         probability = max(probability, least)
-    return ChangePoint(
-        growth=COURSES[fits.courses[best]],
-        time_s=float(fits.places[best]),
-        end_s=end,
-        false_alarm_probability=min(1.0, probability) if lengths else 1.0,
-    )
+    growth, time_s = COURSES[fits.courses[best]], float(fits.places[best])
+    chance = min(1.0, probability) if lengths else 1.0
+    return ChangePoint(growth=growth, time_s=time_s, end_s=end, false_alarm_probability=chance)
 
 
 def _solver(series: Series, changes: Sequence[ChangePoint]) -> FloatArray:
@@ -431,6 +426,7 @@ def _solver(series: Series, changes: Sequence[ChangePoint]) -> FloatArray:
     return np.asarray(np.linalg.pinv(columns / scale) / scale[:, None])
 
 
+@dataclass(kw_only=True, eq=False)
 class Fits:
     """Least squares by a constant, known changes and one more, for each place and course of that.
 
@@ -463,17 +459,16 @@ class Fits:
         Of the noise in units of the stated one, at least 1 where its size is known.
     """
 
-    def __init__(
-        self,
-        *,
-        series: Series,
-        known: Sequence[ChangePoint],
-        places: FloatArray,
-        courses: IntArray,
-        tangents: bool = False,
-    ) -> None:
-        self.series, self.known, self.places, self.courses = series, known, places, courses
-        base = change_columns(series.time_s, known, tangents=tangents)
+    series: Series
+    known: Sequence[ChangePoint]
+    places: FloatArray
+    courses: IntArray
+    tangents: bool = False
+
+    def __post_init__(self) -> None:
+        """Fit all of them."""
+        series, known, places = self.series, self.known, self.places
+        base = change_columns(series.time_s, known, tangents=self.tangents)
         basis = np.linalg.qr(base / series.sigma[:, None])[0]
         shapes = self._rows(series.time_s, np.arange(len(places)))
         whole = np.vstack([series.value, shapes]) / series.sigma
@@ -596,15 +591,10 @@ def _timed(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) -
 
     middle = quantile(fits.places, 0.5, own)
     first, last = quantile(low, tail, chance), quantile(high, 1.0 - tail, chance)
-    course = fits.courses[np.argmax(np.where(fits.places == middle, own, -1.0))]
-    return replace(
-        change,
-        time_s=middle,
-        growth=COURSES[course],
-        low_s=min(first, middle),
-        high_s=max(last, middle),
-        open_before=bool(first <= times[0]),
-    )
+    growth = COURSES[fits.courses[np.argmax(np.where(fits.places == middle, own, -1.0))]]
+    ends = {"low_s": min(first, middle), "high_s": max(last, middle)}
+    before = bool(first <= times[0])
+    return replace(change, time_s=middle, growth=growth, open_before=before, **ends)
 
 
 def tube_bound(closeness: float, length: float, dimensions: int) -> float:

@@ -315,10 +315,8 @@ def _connected(path: Path, *, create: bool) -> sqlite3.Connection:
 def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
     """Check whose file it is, and make its tables if it is new, within the transaction."""
     look = "integrity_check(1)" if path.stat().st_size <= _LOOKED_THROUGH else "application_id"
-    mark, version, answer = (
-        store.execute(f"PRAGMA {name}").fetchone()[0]
-        for name in ("application_id", "user_version", look)
-    )
+    asked = "application_id", "user_version", look
+    mark, version, answer = (store.execute(f"PRAGMA {name}").fetchone()[0] for name in asked)
     tables = store.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
     if not mark and not tables and create:
         _executed(store, _SCHEMA)

@@ -26,19 +26,8 @@ import numpy as np
 from scipy.special import bdtrc, ndtri_exp, stdtrit
 
 from gearmon.arrays import FloatArray, IntArray
-from gearmon.diagnosis.history.changes import (
-    BELOW,
-    COURSES,
-    FEWEST,
-    LEVEL,
-    MOST_CHANGES,
-    ChangePoint,
-    Fits,
-    Series,
-    change_probability,
-    find_changes,
-    permuted_probability,
-)
+from gearmon.diagnosis.history import changes as onsets
+from gearmon.diagnosis.history.changes import BELOW, FEWEST, LEVEL, ChangePoint, Fits, Series
 from gearmon.diagnosis.history.entries import HALF_OF_90, History, Place, time_text
 from gearmon.errors import check_range
 from gearmon.result import Result
@@ -66,6 +55,7 @@ _RATE_OVER = 1e-4
 #: Seconds since 1970 beyond the calendar, which are as good as never.
 NEVER_S = 2.5e11
 _Key = tuple[int, str, int | None]
+_Changes = tuple[ChangePoint, ...]
 _Points = list[tuple[float, Place]]
 
 
@@ -119,11 +109,7 @@ class Trend:
     """
 
     def __init__(
-        self,
-        series: Series,
-        changes: tuple[ChangePoint, ...],
-        common: float = 0.0,
-        missed: float = -math.inf,
+        self, series: Series, changes: _Changes, common: float = 0.0, missed: float = -math.inf
     ) -> None:
         self.series, self.changes, self.common, self.missed = series, changes, common, missed
         growths = [change for change in changes if change.kind == "growth"]
@@ -245,9 +231,9 @@ class Trend:
             kept = own = np.ones(1, dtype=np.bool_)
         else:
             fits = Fits.of(self.series, others, bent=True)
-            own = fits.courses == COURSES.index(last.growth)
+            own = fits.courses == onsets.COURSES.index(last.growth)
             own &= fits.places == last.time_s
-            lasting = np.array([growth.folds >= 0 for growth in COURSES])[fits.courses]
+            lasting = np.array([growth.folds >= 0 for growth in onsets.COURSES])[fits.courses]
             kept = lasting & (fits.courses > 0) if last.kind == "growth" else fits.courses == 0
         which = np.concatenate([np.flatnonzero(own), np.flatnonzero(kept & ~own)])
         if fits.freedom < 1:
@@ -259,7 +245,7 @@ class Trend:
         return fits, which[allowed], np.maximum(room[allowed], 0.0)
 
 
-def fit_trend(series: Series, *, below: float = BELOW, most: int = MOST_CHANGES) -> Trend:
+def fit_trend(series: Series, *, below: float = BELOW, most: int = onsets.MOST_CHANGES) -> Trend:
     """Fit the trend of a series.
 
     Parameters
@@ -274,7 +260,7 @@ def fit_trend(series: Series, *, below: float = BELOW, most: int = MOST_CHANGES)
     -------
     Trend
     """
-    return Trend(series, find_changes(series, below=below, most=most))
+    return Trend(series, onsets.find_changes(series, below=below, most=most))
 
 
 def _reached(times: FloatArray, values: FloatArray, limit: float) -> float | None:
@@ -354,7 +340,8 @@ class ToothTrend:
             # a loss that came at once may hide behind what could have been missed before it
             trend = refined if refined.changes else trend
         self.trend = trend = Trend(trend.series, trend.changes, common, missed)
-        chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
+        chances = [change.false_alarm_probability for change in trend.changes]
+        chances.append(onsets.change_probability(stated))
         self.low = np.where(np.isnan(low), value - HALF_OF_90 * sigma, low)
         self.high = np.where(np.isnan(high), value + HALF_OF_90 * sigma, high)
         clear = self.low > 0
@@ -382,9 +369,7 @@ class ToothTrend:
         """Return built-in types, ready for JSON."""
         crossing, per_day = self.crossing, np.multiply(SECONDS_PER_DAY, self.trend.rate())
         return {
-            "stage": self.stage,
-            "gear": self.gear,
-            "tooth": self.tooth,
+            **{name: getattr(self, name) for name in ("stage", "gear", "tooth")},
             "estimates": len(self.trend.series),
             **_with_interval("loss", self.now),
             **_with_interval("rate_per_day", per_day),
@@ -453,10 +438,8 @@ class HistoryTrends(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
         reached = {time_s: crossing.to_dict() for time_s, crossing in self.forecasts.items()}
-        told = [
-            entry.to_dict() | {"limit_reached": reached.get(entry.time_s)}
-            for entry in self.history.entries
-        ]
+        entries = self.history.entries
+        told = [own.to_dict() | {"limit_reached": reached.get(own.time_s)} for own in entries]
         return {
             "machine": self.history.machine,
             "recordings": told,
@@ -540,7 +523,7 @@ def _evidence(history: History, below: float) -> tuple[Trend, float]:
     time_s, score = np.array(judged, dtype=float).reshape(-1, 2).T
     value, equal = normal_equivalent(score), np.ones(len(score))
     series = Series(time_s=time_s, value=value, sigma=equal, sigma_known=False)
-    probability = permuted_probability(series)
+    probability = onsets.permuted_probability(series)
     # scores that tests cut off scatter less: only when they began to change can be told from them
     found = fit_trend(series, below=below, most=int(probability < below))
     changes = tuple(

@@ -23,19 +23,13 @@ other gear the same event would have to be ten losses here and a tenth there, at
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.diagnosis.hypotheses.tooth_match import (
-    DECAY_S,
-    LOSSES,
-    SearchedGear,
-    event_delays,
-    ringing,
-)
+from gearmon.diagnosis.hypotheses import tooth_match
+from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear
 from gearmon.diagnosis.law.gear_lines import BandDeviation
 from gearmon.machine import Machine
 from gearmon.signatures.expected.tooth_response import GROWN, grown_lines
@@ -76,8 +70,7 @@ _COMPETES = 2.3
 _WIDER, _ASTRAY, _NEPERS, _BY_FACTORS = 3.0, 0.2, 8.0, 7.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class LossEstimate:
+class LossEstimate(NamedTuple):
     """Loss of stiffness of a tooth pair.
 
     Parameters
@@ -166,8 +159,8 @@ def _harmonics(gear: SearchedGear, machine: Machine, speed_hz: float) -> Iterato
     sound, grown = grown_lines(machine, own.stage, own.gear, len(own.lines) - 1)
     last = min(len(sound), difference.mesh_power.shape[1]) - 1
     rotation_hz, teeth = difference.order * speed_hz, difference.teeth
-    entry_s = gear.best / (teeth * rotation_hz)
-    delay = np.concatenate([event_delays(own, rotation_hz, t) for t in DECAY_S]) + entry_s
+    delays = [tooth_match.event_delays(own, rotation_hz, t) for t in tooth_match.DECAY_S]
+    delay = np.concatenate(delays) + gear.best / (teeth * rotation_hz)
     sizes = np.abs(grown[:, teeth::teeth])
     sizes = sizes[:, sizes[0] > 0]
     usual = np.median(np.log(sizes / sizes[0]), axis=1) if sizes.size else np.zeros(len(GROWN))
@@ -200,7 +193,7 @@ def _at_mesh(
     The event is a sum of random impulses at the given delays, of the power that the band has.
     Between them what is told in the same way of the lines `grown`, shape (losses, channels).
     """
-    lines = ringing(np.append(band.number, number)[None] * rotation_hz, delay)[0]
+    lines = tooth_match.ringing(np.append(band.number, number)[None] * rotation_hz, delay)[0]
     white = lines[:-1] / band.deviation[:, :, None]
     energy = np.abs(band.rest) ** 2
     power = np.maximum(np.mean((energy - 1.0) * band.deviation**2, axis=1), 0.0)

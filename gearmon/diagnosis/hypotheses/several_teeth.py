@@ -27,8 +27,6 @@ large, multiplies every line n by 1 + a exp(-2 pi i n d / z) and asks for no oth
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -52,8 +50,7 @@ _POWERS = np.geomspace(1.0 / 16.0, 16.0, 13)
 _LEAST_POWER = 0.05
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Band:
+class Band(NamedTuple):
     """The departure about one mesh harmonic in one channel.
 
     Parameters
@@ -62,59 +59,51 @@ class Band:
         Multiples of the gear's rotation.
     rest : ndarray of complex, shape (lines,)
         The departure, in units of its noise.
-    level : ndarray of float, shape (lines,)
-        Amplitude of an event in the same unit, up to a constant: of mean square 1.
-    offset : ndarray of float, shape (lines,)
-        Distance from the mesh harmonic, in mesh orders.
     place : ndarray of complex, shape (teeth, lines)
         Factors that turn each tooth in turn to where tooth 1 would stand.
-    contact_ratio : float
-        Mesh periods of the contact of a tooth.
+    events : list of (ndarray, ndarray)
+        Powers and directions of an event for each of `RINGING`, see `event`.
     """
 
     number: IntArray
     rest: ComplexArray
-    level: FloatArray
-    offset: FloatArray
     place: ComplexArray
-    contact_ratio: float
-
-    @cached_property
-    def events(self) -> list[tuple[FloatArray, ComplexArray]]:
-        """Powers and directions of an event for each of `RINGING`."""
-        return [event(self, ringing) for ringing in RINGING]
+    events: list[tuple[FloatArray, ComplexArray]]
 
 
 def bands_of(gear: SearchedGear) -> Iterator[Band]:
     """Return the departure of a gear about each mesh harmonic in each channel."""
-    teeth, difference = gear.difference.teeth, gear.difference
+    teeth, difference, response = gear.difference.teeth, gear.difference, gear.response
     for band in difference.bands:
-        inside = band.number < len(gear.response.lines)
+        inside = band.number < len(response.lines)
         number = band.number[inside]
         if len(number) < 2:
             continue
-        heard = np.sqrt(gear.response.band_power(number.astype(np.float64)))
+        heard = np.sqrt(response.band_power(number.astype(np.float64)))
         place = np.exp(2j * np.pi / teeth * np.outer(np.arange(teeth), number))
+        offset = (number - teeth * band.harmonic) / teeth
         for rest, deviation in zip(band.rest, band.deviation, strict=True):
             level = heard / deviation[inside]
             mean = float(np.sqrt(np.mean(level**2)))
             if mean > 0:
-                yield Band(
-                    number=number,
-                    rest=rest[inside],
-                    level=level / mean,
-                    offset=(number - teeth * band.harmonic) / teeth,
-                    place=place,
-                    contact_ratio=gear.response.contact_ratio,
-                )
+                known = level / mean, offset, response.contact_ratio
+                events = [event(*known, ringing) for ringing in RINGING]
+                yield Band(number, rest[inside], place, events)
 
 
-def event(band: Band, ringing: float) -> tuple[FloatArray, ComplexArray]:
+def event(
+    level: FloatArray, offset: FloatArray, contact_ratio: float, ringing: float
+) -> tuple[FloatArray, ComplexArray]:
     """Return powers and directions of the covariance of an event at tooth 1, of trace `lines`.
 
     Parameters
     ----------
-    band : Band
+    level : ndarray of float, shape (lines,)
+        Amplitude of the event in units of the noise, up to a constant: of mean square 1.
+    offset : ndarray of float, shape (lines,)
+        Distance from the mesh harmonic, in mesh orders.
+    contact_ratio : float
+        Mesh periods of the contact of a tooth.
     ringing : float
         Mesh periods that the path rings after the contact; the damage speaks at any moment of it.
 
@@ -124,12 +113,12 @@ def event(band: Band, ringing: float) -> tuple[FloatArray, ComplexArray]:
     direction : ndarray of complex, shape (lines, directions)
         Orthonormal.
     """
-    delay = np.arange(-_SLACK, band.contact_ratio + _REACH * ringing + _STEP, _STEP)
-    early = np.clip(delay - band.contact_ratio - _SLACK, 0.0, None) / ringing
+    delay = np.arange(-_SLACK, contact_ratio + _REACH * ringing + _STEP, _STEP)
+    early = np.clip(delay - contact_ratio - _SLACK, 0.0, None) / ringing
     late = np.clip(delay + _SLACK, 0.0, None) / ringing
     weight = np.exp(-early) - np.exp(-late)
     weight = np.maximum(weight, 1e-6 * float(weight.max()))
-    root = band.level[:, None] * np.exp(-2j * np.pi * np.outer(band.offset, delay))
+    root = level[:, None] * np.exp(-2j * np.pi * np.outer(offset, delay))
     root *= np.sqrt(weight / weight.sum())
     power, vector = np.linalg.eigh(root.conj().T @ root)
     kept = power > _LEFT_OUT * float(power.sum())

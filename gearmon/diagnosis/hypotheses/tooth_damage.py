@@ -7,9 +7,9 @@ from the loss by the teeth's stiffness.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 
@@ -17,22 +17,16 @@ import numpy as np
 from scipy.ndimage import convolve1d
 
 from gearmon.arrays import FloatArray
-from gearmon.diagnosis.hypotheses.mesh_harmonics import (
-    LossEstimate,
-    loss_estimate,
-    most_likely,
-    share_lines,
-)
+from gearmon.diagnosis.hypotheses import mesh_harmonics
+from gearmon.diagnosis.hypotheses.mesh_harmonics import LossEstimate, share_lines
 from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear, search_gear
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, FULL_LOAD, GearDeviation
 from gearmon.diagnosis.law.machine import MachineDeviation
 from gearmon.errors import ArgumentError, GearmonError
-from gearmon.gears.damage import size_for_loss
-from gearmon.gears.faults import Fault
+from gearmon.gears import damage, faults, tooth_pairs
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.tooth_pairs import teeth_of
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import (
     ToothResponse,
@@ -85,6 +79,7 @@ _AS_LOUD = 0.5
 _NORMAL_90 = 3.29
 
 
+@dataclass(eq=False)
 class GearEvidence:
     """What speaks for damage of one tooth of a gear.
 
@@ -102,8 +97,6 @@ class GearEvidence:
 
     Attributes
     ----------
-    deviation, search, shown, instead
-        As given.
     key : tuple of (int, str)
         Stage and gear.
     tooth : int
@@ -119,15 +112,15 @@ class GearEvidence:
         energy at the best tooth, as a gamma variable, over the teeth that it may be.
     """
 
-    def __init__(
-        self,
-        deviation: GearDeviation,
-        search: SearchedGear | None,
-        shown: bool = True,
-        instead: SearchedGear | None = None,
-    ) -> None:
-        self.deviation, self.search, self.shown, self.instead = deviation, search, shown, instead
-        self.key, teeth = (deviation.stage, deviation.gear), deviation.teeth
+    deviation: GearDeviation
+    search: SearchedGear | None
+    shown: bool = True
+    instead: SearchedGear | None = None
+
+    def __post_init__(self) -> None:
+        """Tell the tooth, and how much is believed."""
+        deviation, search, teeth = self.deviation, self.search, self.deviation.teeth
+        self.key = (deviation.stage, deviation.gear)
         self.counted_from = "tacho" if deviation.same_zero else "reference"
         shift = 0.0
         if search is None:
@@ -192,11 +185,9 @@ class GearEvidence:
         if self.deviation.mesh_lines is None:
             # what planets add is known less: 14 instead of 9 of 192 losses read `healthy` with it
             directions = 0.0
-        by_teeth = max(
-            self._of_gamma(sure * _TEETH_SCATTER, 1.0 + max(0.0, peak - 1.0) / departs),
-            self._of_gamma(sure * _DIRECTIONS_SCATTER * directions, max(matched, 1.0)),
-        )
-        return min(log_factor, by_teeth) if log_factor > 0 else log_factor
+        by_teeth = self._of_gamma(sure * _TEETH_SCATTER, 1.0 + max(0.0, peak - 1.0) / departs)
+        along = self._of_gamma(sure * _DIRECTIONS_SCATTER * directions, max(matched, 1.0))
+        return min(log_factor, max(by_teeth, along)) if log_factor > 0 else log_factor
 
     def _of_gamma(self, shape: float, peak: float) -> float:
         """Log likelihood ratio of the largest of gamma variables, the tooth unknown."""
@@ -209,7 +200,7 @@ class ToothFinding:
 
     Parameters
     ----------
-    searched : tuple of GearEvidence
+    searched : sequence of GearEvidence
         All gears looked at, at least one.
     machine : Machine
         The machine.
@@ -229,10 +220,8 @@ class ToothFinding:
         which the best explains it better.
     """
 
-    def __init__(
-        self, searched: tuple[GearEvidence, ...], machine: Machine, speed_hz: float
-    ) -> None:
-        self.searched, self.machine, self.speed_hz = searched, machine, speed_hz
+    def __init__(self, searched: Sequence[GearEvidence], machine: Machine, speed_hz: float) -> None:
+        self.searched, self.machine, self.speed_hz = tuple(searched), machine, speed_hz
         self.best = first = max(searched, key=lambda one: one.believed)
         self.evidence, rivals = first.believed, list[tuple[str, int, float]]()
         # those with a template compete by what either should sound like
@@ -246,7 +235,7 @@ class ToothFinding:
                 loud = one.log_factor >= _AS_LOUD * first.log_factor
                 if one.search and (sure or (loud and share_lines(one.search, first.search))):
                     competing.append(one.search)
-            blamed, others = most_likely(competing, machine, speed_hz)
+            blamed, others = mesh_harmonics.most_likely(competing, machine, speed_hz)
             self.best = next(one for one in searched if one.search is blamed)
             rivals += [(g.difference.gear, g.difference.stage, lead) for g, lead in others]
         self.rivals = tuple(rivals)
@@ -254,8 +243,8 @@ class ToothFinding:
     @cached_property
     def loss(self) -> LossEstimate | None:
         """Loss of stiffness of its pair; None without a template."""
-        search = self.best.search
-        return loss_estimate(search, self.machine, self.speed_hz) if search is not None else None
+        search, known = self.best.search, (self.machine, self.speed_hz)
+        return mesh_harmonics.loss_estimate(search, *known) if search is not None else None
 
     def of(self, stage: int, gear: str) -> GearEvidence | None:
         """Return the evidence of one gear."""
@@ -282,13 +271,7 @@ def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> T
     # what the teeth make of a loss is told at the speed that comes nearest
     near = min(machine.operating, key=lambda point: abs(point.shaft1_hz - own.speed_hz))
     machine = replace(machine, operating=(replace(near, share=1.0),))
-    searched = tuple(_searched(own, deviation, machine))
-    return ToothFinding(searched, machine, own.speed_hz) if searched else None
-
-
-def _searched(
-    own: Profile, deviation: MachineDeviation, machine: Machine
-) -> Iterator[GearEvidence]:
+    searched: list[GearEvidence] = []
     for gear in deviation.gears:
         alone = as_heard(gear, machine)
         if not alone.bands:
@@ -313,7 +296,8 @@ def _searched(
         if ranked or alone.meetings > 1:
             best, instead = (*ranked, None, None)[:2]
             alone = best.difference if best is not None else alone
-            yield GearEvidence(deviation=alone, search=best, shown=shown, instead=instead)
+            searched.append(GearEvidence(alone, best, shown, instead))
+    return ToothFinding(searched, machine, own.speed_hz) if searched else None
 
 
 def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:
@@ -439,9 +423,8 @@ def _by_neighbours(power: FloatArray, response: ToothResponse) -> FloatArray:
     """Power of each mesh harmonic as those beside it, if they stand alone, let expect it."""
     count = min(len(response.mesh), power.shape[1])
     expected = np.abs(response.mesh[:count]) ** 2
-    told, beside = (
-        convolve1d(own, [1.0, 0.0, 1.0], mode="constant") for own in (power[:, :count], expected)
-    )
+    both, sides = (power[:, :count], expected), [1.0, 0.0, 1.0]
+    told, beside = (convolve1d(own, sides, mode="constant") for own in both)
     return np.asarray(told * np.divide(expected, beside, out=np.zeros(count), where=beside > 0))
 
 
@@ -536,7 +519,8 @@ def crack_depth_mm(machine: Machine, stage: int, gear: str, loss: float) -> floa
     pair, names = next(own for own in named if gear in own[1])
     if pair.stage.module_mm is None or pair.stage.face_width_mm is None:
         return None
-    crack = Fault(kind="crack", stage=stage, gear=gear, tooth=1, size=0.1, unit="mm")
+    crack = faults.Fault(kind="crack", stage=stage, gear=gear, tooth=1, size=0.1, unit="mm")
     with suppress(GearmonError):
-        return float(size_for_loss(crack, loss, teeth_of(pair), names.index(gear)).size)
+        teeth = tooth_pairs.teeth_of(pair)
+        return float(damage.size_for_loss(crack, loss, teeth, names.index(gear)).size)
     return None

@@ -97,14 +97,13 @@ class SearchedGear:
         Logarithm of the Bayes factor of damage on some tooth.
     best : int
         Tooth where damage is most likely if there is any, from 0.
+    matched_event : tuple of (float, float)
+        Matched energy at that tooth over that of the median, at the likeliest loss, and its
+        directions.
     """
 
     def __init__(
-        self,
-        difference: GearDeviation,
-        response: ToothResponse,
-        speed_hz: float,
-        heard: Sequence[_Lines],
+        self, difference: GearDeviation, response: ToothResponse, speed_hz: float, heard: _Heard
     ) -> None:
         self.difference, self.response, teeth = difference, response, difference.teeth
         rotation_hz = difference.order * speed_hz
@@ -125,19 +124,16 @@ class SearchedGear:
             self.matched += np.mean(energy, axis=0)
         self.log_likelihood, self.log_place = total[0], _any_loss(total[1])
         self.expected, self.stands_out, ratio, weight, squares = expected
-        self.matched_peak = ratio / np.maximum(weight, np.finfo(float).tiny)
-        self.directions = weight**2 / np.maximum(squares, np.finfo(float).tiny)
+        tiny = np.finfo(float).tiny
+        self.matched_peak = ratio / np.maximum(weight, tiny)
+        self.directions = weight**2 / np.maximum(squares, tiny)
         self.log_tooth = _any_loss(self.log_likelihood)
         self.log_gear = float(log_mean(self.log_tooth[:, None])[0])
         self.best = int(np.argmax(self.log_place))
-
-    @property
-    def matched_event(self) -> tuple[float, float]:
-        """Matched energy at the best tooth over that of the median, and its directions."""
         likeliest = int(np.argmax(self.log_likelihood.max(axis=1)))
         energy = self.matched[likeliest]
-        usual = max(float(np.median(energy)), np.finfo(float).tiny)
-        return float(energy[self.best]) / usual, float(self.directions[likeliest])
+        stands_out = float(energy[self.best]) / max(float(np.median(energy)), tiny)
+        self.matched_event = stands_out, float(self.directions[likeliest])
 
     def log_again(self, times: int) -> float:
         """Logarithm of the Bayes factor of events at equal distances in a turn over one alone.
@@ -192,16 +188,15 @@ def search_gear(
 
 
 _Lines = tuple[NDArray[Any], ...]
+_Heard = Sequence[_Lines]
 
 
-def _heard(
-    difference: GearDeviation, response: ToothResponse, path: FloatArray
-) -> Iterator[_Lines]:
+def _heard(deviation: GearDeviation, response: ToothResponse, path: FloatArray) -> Iterator[_Lines]:
     """Numbers of the lines of each band and channel, what departs, and what a unit loss adds.
 
     Last the share of noise in the variance of what departs.
     """
-    for band in difference.bands:
+    for band in deviation.bands:
         inside = band.number < len(response.lines)
         if band.harmonic >= path.shape[1] or not inside.any():
             continue
@@ -209,12 +204,12 @@ def _heard(
         level = np.sqrt(response.band_power(number.astype(np.float64)))
         for channel in np.flatnonzero(path[:, band.harmonic] > 0):
             signal = level * np.sqrt(path[channel, band.harmonic])
-            deviation = band.deviation[channel, inside]
-            noise = np.mean((band.noise[channel, inside] / deviation) ** 2)
-            yield number, band.rest[channel, inside], signal / deviation, np.asarray(noise)
+            unit = band.deviation[channel, inside]
+            noise = np.mean((band.noise[channel, inside] / unit) ** 2)
+            yield number, band.rest[channel, inside], signal / unit, np.asarray(noise)
 
 
-def _alike(heard: Sequence[_Lines], places: int) -> Iterator[_Lines]:
+def _alike(heard: _Heard, places: int) -> Iterator[_Lines]:
     """Stack those of equally many lines, some at a time; `places` are tried in each."""
     for lines in sorted({len(number) for number, *_ in heard}):
         same = [one for one in heard if len(one[0]) == lines]
@@ -335,9 +330,8 @@ def _log_likelihood(
     energy = np.abs(turned @ projection) ** 2
     whole = np.mean(np.abs(turned[:, 0]) ** 2, axis=1)
     leak = _leak(projection, spread, number, turned.shape[1])
-    beside = np.maximum(
-        _beside(energy / around[:, None], spread, leak), np.maximum(noise, LEAST_MISFIT)
-    )
+    beside = _beside(energy / around[:, None], spread, leak)
+    beside = np.maximum(beside, np.maximum(noise, LEAST_MISFIT))
     least = np.maximum(beside, SEARCH_MISFIT * whole)
     power = size[:, None] ** 2 * spread[:, None]
     told = _beside_noise(power, energy, least)

@@ -26,7 +26,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.special import gammaincc, gammaln, stdtr
 
 from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
+from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, which_gear
 from gearmon.diagnosis.law.machine import channel_gain
 from gearmon.diagnosis.law.patterns import GearPattern, turn_energy, turning
 from gearmon.diagnosis.results import ToothProfile
@@ -95,10 +95,7 @@ def locate(wheel: WheelPattern, *, numbered: bool) -> ToothProfile | None:
     # channels are not counted: what departs on a healthy machine is heard by all of them
     shape = max(effective * _WINDOW_TEETH / wheel.teeth / _OVERDISPERSION, 0.5)
     return ToothProfile(
-        stage=wheel.stage,
-        gear=wheel.gear,
-        teeth=wheel.teeth,
-        order=wheel.order,
+        **which_gear(wheel),
         energy=_by_tooth(energy, wheel.teeth),
         tooth=round(place * wheel.teeth - CONTACT_CENTRE) % wheel.teeth + 1 if numbered else None,
         position=place,
@@ -201,11 +198,10 @@ def _log10_gamma(shape: float, ratio: float) -> float:
 #: harmonics, freed of the gain of the channels and beyond what the mesh harmonic between them rose
 #: by, shape (6,) [dB].
 Sidebands = Mapping[tuple[int, str], FloatArray]
+_Wheels = Sequence[WheelPattern]
 
 
-def turn_changes(
-    wheels: Sequence[WheelPattern], healthy: Sequence[Sequence[WheelPattern]]
-) -> Sidebands:
+def turn_changes(wheels: _Wheels, healthy: Sequence[_Wheels]) -> Sidebands:
     """Compare single sidebands of every gear with those of healthy recordings.
 
     Parameters
@@ -363,7 +359,7 @@ def runout_growth(
     return tuple(sorted(found, key=lambda growth: growth.log10_probability))
 
 
-def healthy_turns(healthy: Sequence[Sequence[WheelPattern]]) -> tuple[Sidebands, ...]:
+def healthy_turns(healthy: Sequence[_Wheels]) -> tuple[Sidebands, ...]:
     """Compare each healthy recording with the others.
 
     Parameters

@@ -24,21 +24,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import convolve1d, uniform_filter1d
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
-from gearmon.diagnosis.law.patterns import (
-    AROUND,
-    GAIN,
-    LEAST_LINES,
-    NEAR,
-    RANK,
-    GearPattern,
-    mesh_bands,
-    turn_energy,
-)
+from gearmon.diagnosis.law import patterns as gear_patterns
+from gearmon.diagnosis.law.patterns import AROUND, GearPattern, mesh_bands, turn_energy
 from gearmon.signals.orders.lines import variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.reference import WheelPattern
@@ -86,8 +79,14 @@ _LEFT_BY_EVENT = 0.01
 _STEPS, CONTACT_CENTRE = 8, 0.8
 # Blocks by which it is told whether an event comes again, at most.
 _MOST_BLOCKS = 256
+_TINY = np.finfo(float).tiny
 # Step at which the window of two teeth about that middle begins.
 _WINDOW = round((CONTACT_CENTRE - 1.0) * _STEPS)
+
+
+def which_gear(own: WheelPattern | GearDeviation) -> dict[str, Any]:
+    """Return what tells which gear it is, by the names of its fields."""
+    return {name: getattr(own, name) for name in ("stage", "gear", "teeth", "order")}
 
 
 def load_unit(share: float) -> float:
@@ -142,7 +141,7 @@ class Kriging:
         # variance of the prediction less the truth, and what each coordinate alone would make of it
         apart = np.append(weights, -1.0)
         each = np.maximum(apart @ (size * np.exp(-0.5 * far)) @ apart, 0.0)
-        each *= max(apart @ shared @ apart, 0.0) / max(each.sum(), np.finfo(float).tiny)
+        each *= max(apart @ shared @ apart, 0.0) / max(each.sum(), _TINY)
         self.parts = np.array([scatter**2 * (1.0 + weights @ weights), *each])
         self.spread = float(self.parts.sum())
 
@@ -247,11 +246,9 @@ class GearDeviation:
             gains = _powers((band.number - self.teeth * band.harmonic) / self.teeth).T
             event = waves / band.deviation[:, :, None]
             columns = np.concatenate([event, gains * band.pattern[:, :, None]], axis=2)
-            columns /= np.maximum(
-                np.linalg.norm(columns, axis=1, keepdims=True), np.finfo(float).tiny
-            )
+            columns /= np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), _TINY)
             side, size, _ = np.linalg.svd(columns, full_matrices=False)
-            kept = size > RANK * size[:, :1]
+            kept = size > gear_patterns.RANK * size[:, :1]
             followed = np.abs((side.conj().swapaxes(1, 2) @ band.rest[:, :, None])[:, :, 0]) ** 2
             left += float(np.sum(np.abs(band.rest) ** 2) - np.sum(followed[kept]))
             freedom += band.rest.size - np.count_nonzero(kept)
@@ -262,9 +259,8 @@ class GearDeviation:
             # one line in N tells of a sun's places: the quietest quarter of the turn tells, less
             # what the lines that are heard let leak of the event to the median place
             turn = np.exp(-2j * np.pi * CONTACT_CENTRE / self.teeth)
-            alone = self._around(
-                [np.broadcast_to(turn**band.number, band.rest.shape) for band in self.bands]
-            )
+            one = [np.broadcast_to(turn**band.number, band.rest.shape) for band in self.bands]
+            alone = self._around(one)
             leak = float(np.median(alone) / alone.max() * self._energy.max())
             return max(1.0, (float(np.quantile(self._energy, _QUIET)) - leak) / self.lines)
         left /= max(freedom, 1.0)
@@ -317,7 +313,7 @@ class GearDeviation:
         """Energy around the turn over that of the median place."""
         energy = self._around(lines_of_bands)
         middle = np.median(energy, axis=-1, keepdims=True)
-        return np.asarray(energy / np.maximum(middle, np.finfo(float).tiny))
+        return np.asarray(energy / np.maximum(middle, _TINY))
 
     @cached_property
     def departs(self) -> float:
@@ -382,7 +378,7 @@ class GearDeviation:
         again = float(self._energy[tooth * _STEPS] / scatter[tooth])
         if swings:
             beyond = np.maximum(energy[:, tooth] - np.median(energy, axis=1), 0.0)
-            again = float(beyond.sum() ** 2 / max((beyond**2).sum(), np.finfo(float).tiny))
+            again = float(beyond.sum() ** 2 / max((beyond**2).sum(), _TINY))
         return again, float(scatter[tooth] / np.median(scatter))
 
     @cached_property
@@ -505,10 +501,7 @@ class GearLaw:
         if not bands:
             return None
         return GearDeviation(
-            stage=wheel.stage,
-            gear=wheel.gear,
-            teeth=wheel.teeth,
-            order=wheel.order,
+            **which_gear(wheel),
             bands=bands,
             # planets may put a mesh harmonic a turn of the carrier beside its place
             mesh_power=(np.abs(lines) ** 2).sum(axis=0),
@@ -535,8 +528,8 @@ class GearLaw:
         for (place, usable), (harmonic, band) in every:
             use, side = band[usable[band]], _SIDES[place]
             offset = use - teeth * harmonic
-            far = np.abs(offset) > NEAR
-            if far.sum() < LEAST_LINES:
+            far = np.abs(offset) > gear_patterns.NEAR
+            if far.sum() < gear_patterns.LEAST_LINES:
                 continue
             scale = scales.get((side, harmonic), np.ones((len(parts), new.amplitude.shape[1])))
             healthy = known.amplitude[place][:, use]
@@ -566,7 +559,7 @@ def _without_gain(rest: ComplexArray, pattern: ComplexArray, place: FloatArray) 
 
     Ridge regression with the gains' prior; what it takes away of the degrees of freedom is made up.
     """
-    columns = GAIN * _powers(place) * pattern[:, None, :]
+    columns = gear_patterns.GAIN * _powers(place) * pattern[:, None, :]
     gram = columns.conj() @ columns.swapaxes(1, 2)
     inverse = np.linalg.inv(gram + np.eye(gram.shape[1]))
     gain = np.einsum("cij,cjn,cn->ci", inverse, columns.conj(), rest)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +34,7 @@ _DB = float(20.0 / np.log(10.0))
 #: drawn machines whose natural frequencies were 1 % lower 4 were faults and 29 open with 0.06, the
 #: scatter at one temperature; none and 12 are (worn gears: 17 of 24 noticed then, 10 now).
 LINES, BROADBAND = (0.1, 0.6), (0.15, 0.6)
+_Prior = tuple[float, float]
 # Recordings that the prior of the scale is worth, and the least scale.
 _WORTH, _LEAST_SCALE = 4.0, 1.0
 # Squares of standardised deviations are cut off here, lest one line decide for all.
@@ -115,11 +117,9 @@ class StateGauge:
             that the mean over both is of second order. The gain of a sensor is taken for load:
             noise follows either.
         """
-        speed = profile.speed_hz / self.base.speed_hz - 1.0
         load = _slope(self._changes(profile), self.direction)
-        return np.array(
-            [load, speed / SPEED_UNIT, (profile.speed_fluctuation / FLUCTUATION_UNIT) ** 2]
-        )
+        speed = (profile.speed_hz / self.base.speed_hz - 1.0) / SPEED_UNIT
+        return np.array([load, speed, (profile.speed_fluctuation / FLUCTUATION_UNIT) ** 2])
 
     def _changes(self, profile: Profile) -> FloatArray:
         """Return changes of the mesh harmonics [Np]; NaN where unheard, and of other families."""
@@ -143,8 +143,7 @@ def _slope(values: FloatArray, along: FloatArray) -> float:
     return float(np.mean(ratio[order][middle]))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LevelDeviation:
+class LevelDeviation(NamedTuple):
     """Deviation of levels from what the references make expect.
 
     Parameters
@@ -173,11 +172,7 @@ class LevelDeviation:
 
 
 def level_deviation(
-    own: Levels,
-    healthy: Sequence[Levels],
-    states: FloatArray,
-    state: FloatArray,
-    prior: tuple[float, float] = LINES,
+    own: Levels, known: Sequence[Levels], states: FloatArray, at: FloatArray, prior: _Prior = LINES
 ) -> LevelDeviation:
     """Hold levels against the law.
 
@@ -189,27 +184,27 @@ def level_deviation(
         level tell the gain, where enough others do: that of a short recording is the higher for it.
         Where few do, the lower of both is taken: noise that rises hides most lines, and the others
         have not fallen.
-    healthy : sequence of Levels
+    known : sequence of Levels
         The same of the references.
     states : ndarray of float, shape (references, 3)
         Operating states of the references [units].
-    state : ndarray of float, shape (3,)
+    at : ndarray of float, shape (3,)
         That of the recording.
     prior : (float, float)
         Standard deviation of healthy departures and its growth per unit of state [Np], `LINES` or
         `BROADBAND`.
     """
     seen = []
-    for row, one in enumerate(healthy if len(healthy) > 1 else ()):
-        others = [n for n in range(len(healthy)) if n != row]
-        mean, spread = _predicted([healthy[n] for n in others], states[others], states[row], prior)
+    for row, one in enumerate(known if len(known) > 1 else ()):
+        others = [n for n in range(len(known)) if n != row]
+        mean, spread = _predicted([known[n] for n in others], states[others], states[row], prior)
         left = one.level_db - mean
         left -= channel_gain(left)[:, None]
         square = left**2 / (spread + one.error_db**2)
         seen.append(float(channel_gain(square.reshape(1, -1))[0]) / _MEDIAN)
     # variance over its prior, as the references depart from what the others predict of them
     scale = max((_WORTH + sum(seen)) / (_WORTH + len(seen)), _LEAST_SCALE)
-    mean, spread = _predicted(healthy, states, state, prior)
+    mean, spread = _predicted(known, states, at, prior)
     rest = own.level_db - mean
     gain, sure = channel_gain(rest), channel_gain(np.where(own.heard, rest, np.nan))
     # what does not stand above its noise tells how high the gain can be
@@ -217,11 +212,11 @@ def level_deviation(
     expected, rest = mean + gain[:, None], rest - gain[:, None]
     rest = np.where(own.heard | (rest < 0.0), rest, np.nan)
     sigma = np.sqrt(scale * (spread + own.error_db**2))
-    return LevelDeviation(expected_db=expected, rest_db=rest, sigma_db=sigma, gain_db=gain)
+    return LevelDeviation(expected, rest, sigma, gain)
 
 
 def _predicted(
-    healthy: Sequence[Levels], states: FloatArray, at: FloatArray, prior: tuple[float, float]
+    healthy: Sequence[Levels], states: FloatArray, at: FloatArray, prior: _Prior
 ) -> tuple[FloatArray, FloatArray]:
     """Levels that references let expect at a state, and their variances [dB, dB^2]."""
     kriging = Kriging(states, at, *prior)
@@ -325,11 +320,9 @@ class HealthyMachine:
                 continue
             # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
             indexed = all(p.tacho for p in profiles) and abs(wheel.order - 1.0) < 1e-12
-            patterns = turned_alike(same, same_zero=indexed)
-            load = loads[wheel.stage - 1]
-            gears.append(
-                GearLaw(wheel=wheel, patterns=patterns, states=states, load=load, indexed=indexed)
-            )
+            own, load = turned_alike(same, same_zero=indexed), loads[wheel.stage - 1]
+            law = GearLaw(wheel=wheel, patterns=own, states=states, load=load, indexed=indexed)
+            gears.append(law)
         self.gears = tuple(gears)
 
     def deviation(self, own: Profile, left_out: Sequence[str] = ()) -> MachineDeviation:

@@ -92,14 +92,12 @@ class GearPattern:
         return cls(amplitude=amplitude, variance=variance, usable=usable)
 
     @classmethod
-    def combined(
-        cls, patterns: Sequence[GearPattern], weights: FloatArray, top: int
-    ) -> GearPattern:
+    def combined(cls, patterns: Sequence[GearPattern], weight: FloatArray, top: int) -> GearPattern:
         """Return the weighted sum of patterns, up to a multiple that all of them reach."""
         own = slice(top + 1)
         return cls(
-            amplitude=np.tensordot(weights, [p.amplitude[..., own] for p in patterns], 1),
-            variance=np.tensordot(weights**2, [p.variance[..., own] for p in patterns], 1),
+            amplitude=np.tensordot(weight, [p.amplitude[..., own] for p in patterns], 1),
+            variance=np.tensordot(weight**2, [p.variance[..., own] for p in patterns], 1),
             usable=np.logical_and.reduce([p.usable[:, own] for p in patterns]),
         )
 
@@ -365,10 +363,8 @@ class _Pair:
     def _events(self, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Angle zero [turns] of the event that each angle leaves, and how far it stands out."""
         energy = self._energy(angles, _PLACES)
-        window, wide = (
-            uniform_filter1d(energy, round(teeth * _PLACES), mode="wrap")
-            for teeth in (_EVENT_TEETH, np.ptp(AROUND))
-        )
+        sizes = [round(teeth * _PLACES) for teeth in (_EVENT_TEETH, np.ptp(AROUND))]
+        window, wide = (uniform_filter1d(energy, size, mode="wrap") for size in sizes)
         out = window.max(axis=1) / np.maximum(np.median(window, axis=1), np.finfo(float).tiny)
         return (np.argmax(wide, axis=1) / _PLACES - AROUND.mean()) / self.teeth, out
 

@@ -11,8 +11,8 @@ from functools import cache
 import pytest
 from reference.small_gearbox import analysis, machine, reference
 
-from gearmon.diagnosis.fault_types import NONE, analysis_features, train_kinds
-from gearmon.diagnosis.fault_types.kinds import judge_kind
+from gearmon.diagnosis.fault_types import NONE, train_kinds
+from gearmon.diagnosis.fault_types.kinds import analysis_features, judge_kind
 
 PINION_10 = "crack:1:pinion:3:10%"
 WORN = "wear:1:pinion:all:20%"

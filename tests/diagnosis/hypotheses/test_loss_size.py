@@ -9,7 +9,8 @@ import pytest
 from reference.simulated_machines import one_pair, two_stages
 
 from gearmon import analyse, learn, simulate
-from gearmon.diagnosis.hypotheses.tooth_damage import crack_depth_mm, loss_estimate
+from gearmon.diagnosis.hypotheses.mesh_harmonics import loss_estimate
+from gearmon.diagnosis.hypotheses.tooth_damage import crack_depth_mm
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES
 from gearmon.gears.damage import stiffness_loss
 from gearmon.gears.faults import Fault

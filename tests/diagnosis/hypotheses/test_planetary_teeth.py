@@ -9,7 +9,8 @@ from reference.gear_departures import complex_noise
 
 import gearmon
 from gearmon.diagnosis.evidence import noticed_from
-from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, as_heard, loss_estimate
+from gearmon.diagnosis.hypotheses.mesh_harmonics import loss_estimate
+from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, as_heard
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, BandDeviation, GearDeviation
 from gearmon.diagnosis.verdict import _sun_held

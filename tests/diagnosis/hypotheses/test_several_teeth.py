@@ -90,16 +90,14 @@ def test_which_tooth_it_is_does_not_matter(tooth):
 
 
 def band_of(rest, teeth=TEETH):
-    offset = np.arange(-9, 10) / teeth
     number = np.arange(-9, 10) + 3 * teeth
-    return Band(
-        number=number,
-        rest=rest,
-        level=np.ones(len(offset)),
-        offset=offset,
-        place=np.exp(2j * np.pi / teeth * np.outer(np.arange(teeth), number)),
-        contact_ratio=1.6,
-    )
+    place = np.exp(2j * np.pi / teeth * np.outer(np.arange(teeth), number))
+    return Band(number=number, rest=rest, place=place, events=[])
+
+
+def event_of(lines, ringing):
+    """Lines that are heard alike, centred on the mesh harmonic."""
+    return event(np.ones(lines), (np.arange(lines) - lines // 2) / TEETH, 1.6, ringing)
 
 
 def slow_likelihood(band, matrix_of_event, tooth):
@@ -121,7 +119,7 @@ def slow_likelihood(band, matrix_of_event, tooth):
 
 def test_likelihood_is_that_of_the_covariance():
     band = band_of(3.0 * complex_noise(np.random.default_rng(8), 19))
-    power, direction = event(band, 0.3)
+    power, direction = event_of(19, 0.3)
     fast = log_likelihood(band, power, energies(band, direction, slice(None)))
     matrix = (direction * power) @ direction.conj().T
     slow = np.array([slow_likelihood(band, matrix, tooth) for tooth in range(TEETH)]).T
@@ -130,7 +128,7 @@ def test_likelihood_is_that_of_the_covariance():
 
 def test_likelihood_of_two_teeth_is_that_of_the_covariance():
     band = band_of(3.0 * complex_noise(np.random.default_rng(9), 19))
-    power, direction = event(band, 0.3)
+    power, direction = event_of(19, 0.3)
     factor = np.array(
         [1 + a * np.exp(-2j * np.pi * d * band.number / TEETH) for d, a in ((5, 0.4), (-1, 1.0))]
     )
@@ -144,7 +142,7 @@ def test_likelihood_of_two_teeth_is_that_of_the_covariance():
 
 def test_factors_of_one_change_nothing():
     band = band_of(3.0 * complex_noise(np.random.default_rng(10), 19))
-    power, direction = event(band, 1.0)
+    power, direction = event_of(19, 1.0)
     plain = log_likelihood(band, power, energies(band, direction, np.array([7])))
     same = log_likelihood(band, *weighted(band, power, direction, 7, np.ones((1, 19))))
     # a loudness of no direction is a matter of the trace, which `event` leaves a thousandth short
@@ -152,16 +150,8 @@ def test_factors_of_one_change_nothing():
 
 
 def test_events_have_a_trace_of_the_lines():
-    band = Band(
-        number=np.arange(-10, 11) + 3 * TEETH,
-        rest=np.ones(21, dtype=complex),
-        level=np.ones(21),
-        offset=np.arange(-10, 11) / TEETH,
-        place=np.ones((1, 21)),
-        contact_ratio=1.6,
-    )
     for ringing in (0.05, 1.0, 3.0):
-        power, direction = event(band, ringing)
+        power, direction = event_of(21, ringing)
         assert power.sum() == pytest.approx(21, rel=0.01)
         assert direction.conj().T @ direction == pytest.approx(np.eye(len(power)), abs=1e-6)
 
@@ -203,14 +193,7 @@ def test_what_repeats_is_the_autocorrelation_at_whole_teeth():
     """With all lines there and a path that says nothing: a / (1 + a^2)."""
     number = np.arange(4 * TEETH)
     lines = 1.0 + 0.5 * np.exp(-2j * np.pi * 6 * number / TEETH)
-    band = Band(
-        number=number,
-        rest=lines,
-        level=np.ones(len(lines)),
-        offset=number / TEETH,
-        place=np.ones((1, len(lines))),
-        contact_ratio=1.6,
-    )
+    band = Band(number=number, rest=lines, place=np.ones((1, len(lines))), events=[])
     expected = np.zeros(TEETH)
     expected[[6, -6]] = 0.5 / 1.25
     assert repetition([band], TEETH) == pytest.approx(expected, abs=1e-12)

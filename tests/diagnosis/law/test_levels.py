@@ -175,6 +175,6 @@ def test_of_lightly_loaded_teeth_a_change_of_load_lets_expect_more(share):
 def test_bands_and_channels_speak_for_another_path_together(common, apart, likely):
     path = PathChange(common=common, apart=apart, together=9.0, bands=16)
     assert path.likely == likely
-    assert not replace(path, bands=3).likely
+    assert not path._replace(bands=3).likely
     # a single channel tells less, and has to do
-    assert replace(path, apart=None).likely == (common > 0.25)
+    assert path._replace(apart=None).likely == (common > 0.25)
