@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -122,8 +123,6 @@ def test_the_page_opens_with_the_worst_and_folds_the_evidence(tmp_path, healthy,
 
 
 def test_since_when_is_what_the_history_tells(faulty, healthy):
-    from datetime import UTC, datetime
-
     from gearmon.diagnosis.history import History, entry_of, history_trends
 
     history = History(machine=faulty.machine.name)
@@ -164,4 +163,5 @@ def test_what_a_loss_has_become_is_told_by_its_trend_and_not_by_the_end_of_its_i
     first, now = re.search(r"its loss went from (\d+) % to (\d+) %", said).groups()
     assert abs(int(first) - 2) <= 1
     assert abs(int(now) - 22) <= 1
-    assert "in the last 6 of 16 recordings" in said
+    first = datetime.fromtimestamp(entries[10].time_s, UTC)
+    assert said.startswith(f"{first:%Y-%m-%d}, in the last 6 of 16 recordings")

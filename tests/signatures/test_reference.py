@@ -115,6 +115,17 @@ def test_families_must_have_something_in_common():
         make_reference([signature, bare], machine())
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_families_are_those_that_all_recordings_show(turned):
+    signature = analysis().signature
+    kept = signature.plan.families[2:]
+    plan = replace(signature.plan, families=kept)
+    levels = {name: getattr(signature, name)[:, 2:] for name in ("level_db", "scatter_db")}
+    fewer = replace(signature, plan=plan, digests=("another", "one"), **levels)
+    known = make_reference([fewer, signature] if turned else [signature, fewer], machine())
+    assert known.family_names == tuple(own.name for own in kept)
+
+
 def _array():
     file = io.BytesIO()
     np.save(file, np.arange(5.0))
