@@ -443,6 +443,15 @@ def test_a_channel_not_looked_at_is_said_so():
     assert any("not looked at: a1" in warning for warning in told.warnings)
 
 
+def test_what_the_reference_is_of_is_said_where_the_mesh_is_lost_too():
+    stranger = replace(machine(), name="stranger")
+    for samples in (recording(), recording().select(["a1", "tacho"])):
+        noise = replace(samples, samples=white(samples.samples.shape, seed=5))
+        told = analyse(noise.vibration(), stranger, reference())
+        assert told.verdict != "healthy"
+        assert any("is it the same machine?" in warning for warning in told.warnings)
+
+
 def test_a_speed_outside_the_reference_is_said_so():
     own_hz = reference().profiles[0].speed_hz
 
