@@ -81,6 +81,17 @@ def test_a_speed_far_from_nominal_is_a_caution(healthy):
     assert "above" in summary(slowed(healthy.analysis, 1.2)).more["caution"]
 
 
+@pytest.mark.parametrize(
+    ("lowest", "highest", "far"),
+    [(0.9, 1.4, False), (0.6, 1.1, False), (1.02, 1.4, False), (1.1, 1.4, True), (0.6, 0.9, True)],
+)
+def test_a_range_is_as_far_from_nominal_as_its_nearest_end(healthy, lowest, highest, far):
+    speed = healthy.analysis.signature.speed
+    ends = {"lowest_hz": lowest * speed.nominal_hz, "highest_hz": highest * speed.nominal_hz}
+    told = replace(healthy.analysis.signature, speed=replace(speed, **ends))
+    assert ("caution" in summary(replace(healthy.analysis, signature=told)).more) == far
+
+
 def test_a_machine_that_is_run_up_through_its_nominal_speed_is_not_far_from_it(healthy):
     slow = slowed(healthy.analysis, 0.8)
     speed = replace(slow.signature.speed, highest_hz=1.01 * slow.signature.speed.nominal_hz)

@@ -165,6 +165,15 @@ def test_storage_gives_back_every_bit():
             assert (one.least_db, one.looked_at) == (other.least_db, other.looked_at)
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.int64, np.complex128])
+def test_numbers_of_another_kind_are_not_restored(kind):
+    arrays = {}
+    told = stored(heard(3), arrays)
+    name = next(name for name, own in arrays.items() if own.dtype == np.float64)
+    with pytest.raises(ValueError, match="cannot be"):
+        restored(NonGearLines, told, arrays | {name: arrays[name].astype(kind)})
+
+
 def test_a_silent_channel_changes_nothing():
     samples, track = recorded(1, orders=TURNING)
     silent = np.vstack([samples, np.zeros(samples.shape[-1])])

@@ -123,6 +123,15 @@ def test_a_last_line_of_words_is_no_row_that_was_cut(path, last, said):
     assert said in refusal(path, HEAD + BODY + last)
 
 
+def test_words_above_whole_numbers_do_not_tell_whether_a_comma_parts_them(path):
+    rows = "".join(f"{k % 9},{k % 7}\n" for k in range(40))
+    assert "may be one column with decimal commas" in refusal(path, f"first run in June\n{rows}")
+    path.write_text(f"a\n{rows}")
+    assert read_recording(path, 1000.0).samples.shape == (1, 40)
+    path.write_text(f"a,b\n{rows}")
+    assert read_recording(path, 1000.0).samples.shape == (2, 40)
+
+
 def test_a_complete_last_line_needs_no_line_end(path):
     path.write_text(HEAD + BODY[:-1])
     assert read_recording(path, 1000.0).samples.shape == (3, 300)
