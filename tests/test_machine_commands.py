@@ -97,9 +97,11 @@ def test_meetings_nearest_to_the_operating_speed_are_shown(tmp_path, capsys):
     path = tmp_path / "machine.toml"
     path.write_text(MACHINE_FILE + SECOND)
     assert main(["modes", str(path), "--harmonics", "40", "--to-rpm", "20000"]) == 0
-    shown = [float(row["speed_rpm"]) for row in rows_below(capsys.readouterr().out, "speed_rpm")]
+    said = capsys.readouterr().out
+    shown = [float(row["speed_rpm"]) for row in rows_below(said, "speed_rpm")]
     found = gearmon.modes(path, harmonics=40, highest_rpm=20_000.0)
     driven = [own.speed_rpm for own in found.campbell if own.drives]
+    assert f"20 of {len(driven)} meetings that mesh forces drive" in said
     nearest = sorted(driven, key=lambda rpm: max(rpm / 2960.0, 2960.0 / rpm))[:20]
     assert len(driven) > 20
     assert shown == pytest.approx(sorted(nearest), rel=1e-5)
