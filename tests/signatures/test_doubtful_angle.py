@@ -15,7 +15,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import load_machine
 from gearmon.signals.angle import AngleTrack
 from gearmon.signatures.speed_channels import track_recording
-from gearmon.signatures.tracking import GearVibration, Tracking, _with_doubt
+from gearmon.signatures.tracking import GearVibration, Tracking, _with_doubt, wander
 
 
 def slipped(track, turns, at_s, lasting_s=0.4):
@@ -135,6 +135,16 @@ def test_beyond_the_pulses_the_speed_goes_on_changing_as_between_them():
     found = Tracking(signal=signal, track=track, scan=None, evidence=()).speed()
     off = change * sum(range(1, beyond + 1))
     assert found.uncertainty_hz == pytest.approx(np.hypot(off, off) / time_s[-1], rel=1e-3)
+
+
+@pytest.mark.parametrize("order", [1.0, 0.2, 7.5])
+def test_wander_is_that_of_the_speed_whichever_shaft_is_counted(order):
+    """Of a speed that rises evenly by r about its mean: r over the root of 12."""
+    rise, last_s = 0.04, 100.0
+    track = track_of(
+        lambda time: order * 25.0 * time * (1 + rise * (time / last_s - 1) / 2), last_s, 2000
+    )
+    assert wander(track) == pytest.approx(rise / np.sqrt(12), rel=0.01)
 
 
 @pytest.mark.parametrize("fastest", [0.9, 1.03, 1.1, 1.4])
