@@ -338,7 +338,7 @@ def test_the_load_that_is_told_wanders_about_the_share_asked_for():
 def test_load_and_speed_wander_each_by_itself():
     """Over many recordings of half a wander each, the mean of one tells nothing of the other."""
     wander = PURE | {"channels": 1, "speed_drift": 0.02, "load_drift": 0.02}
-    told = [simulate(one_pair(), (), 0.05, 4_000.0, seed=n, **wander).truth for n in range(24)]
+    told = [simulate(one_pair(), (), 0.05, 4_000.0, seed=n, **wander).truth for n in range(16)]
     speeds = [own["speed"]["mean_hz"] for own in told]
     loads = [own["load"]["mean_share"] for own in told]
     assert np.std(speeds) > 0
