@@ -6,6 +6,7 @@ import json
 import math
 import re
 from argparse import ArgumentTypeError
+from dataclasses import replace
 
 import pytest
 from reference.small_gearbox import MACHINE_FILE
@@ -97,12 +98,28 @@ def test_meetings_nearest_to_the_operating_speed_are_shown(tmp_path, capsys):
     path = tmp_path / "machine.toml"
     path.write_text(MACHINE_FILE + SECOND)
     assert main(["modes", str(path), "--harmonics", "40", "--to-rpm", "20000"]) == 0
-    shown = [float(row["speed_rpm"]) for row in rows_below(capsys.readouterr().out, "speed_rpm")]
+    said = capsys.readouterr().out
+    shown = [float(row["speed_rpm"]) for row in rows_below(said, "speed_rpm")]
     found = gearmon.modes(path, harmonics=40, highest_rpm=20_000.0)
     driven = [own.speed_rpm for own in found.campbell if own.drives]
+    assert f"20 of {len(driven)} meetings that mesh forces drive" in said
     nearest = sorted(driven, key=lambda rpm: max(rpm / 2960.0, 2960.0 / rpm))[:20]
     assert len(driven) > 20
     assert shown == pytest.approx(sorted(nearest), rel=1e-5)
+
+
+def test_only_meetings_that_mesh_forces_drive_are_counted(machine, monkeypatch, capsys):
+    whole = gearmon.modes(machine, harmonics=12)
+    still = tuple(
+        replace(own, mesh_share=own.mesh_share if k % 3 else 0.0)
+        for k, own in enumerate(whole.campbell)
+    )
+    driven = len([own for own in still if own.drives])
+    assert 0 < driven < len(still)
+    monkeypatch.setattr(gearmon, "modes", lambda *_, **__: replace(whole, campbell=still))
+    assert main(["modes", str(machine)]) == 0
+    said = capsys.readouterr().out
+    assert f"{min(driven, 20)} of {driven} meetings that mesh forces drive" in said
 
 
 def test_a_table_without_rows_keeps_its_columns(machine, tmp_path, monkeypatch):

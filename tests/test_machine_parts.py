@@ -194,6 +194,15 @@ PAIR_MM = {"pinion_teeth": 26, "gear_teeth": 53, "module_mm": 2.0}
 SET_MM = {"sun_teeth": 20, "planet_teeth": 40, "ring_teeth": 100, "planets": 3, "module_mm": 2.0}
 
 
+@pytest.mark.parametrize("shift", [-0.5, 0.5])
+def test_a_tip_lies_beyond_the_root_that_the_shift_raises(shift):
+    root = 26 * 2.0 - 2 * 2.0 * (1.25 - shift)
+    own = PAIR_MM | {"profile_shift_pinion": shift, "face_width_mm": 20.0}
+    ParallelStage(**own, tip_diameter_pinion_mm=max(root + 0.1, 48.0))
+    with pytest.raises(FieldError, match=r"beyond the root|must lie in \[48, 68\]"):
+        ParallelStage(**own, tip_diameter_pinion_mm=root - 0.1)
+
+
 @pytest.mark.parametrize(
     ("data", "match"),
     [

@@ -128,6 +128,17 @@ def test_pictures_are_drawn_and_their_axes_returned(name):
     assert first.get_ylabel() or first.get_xlabel() or first.get_title("left")
 
 
+def test_a_short_text_shows_short_fields_and_counts_long_ones():
+    @dataclass(frozen=True, kw_only=True)
+    class Lines(Result):
+        few: tuple[int, ...]
+        many: tuple[int, ...]
+        size: float
+
+    text = repr(Lines(few=(1, 2), many=tuple(range(100)), size=1 / 3))
+    assert text == "Lines(few=(1, 2), many=<100>, size=0.333333)"
+
+
 def test_the_result_itself_is_no_option_of_its_picture():
     family = results()["family"]
     for word in ("family", "found"):

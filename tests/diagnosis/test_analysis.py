@@ -32,6 +32,7 @@ from gearmon.diagnosis.results import VERDICTS
 from gearmon.diagnosis.verdict import left_open
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.faults import parse_fault
+from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, load_machine
 from gearmon.signals.recording import Recording
 from gearmon.signals.tracking import find_pulses
@@ -181,6 +182,14 @@ def test_healthy_train_is_healthy_and_says_what_would_not_have_been(train):
     assert float(fault) == pytest.approx(100 * largest, rel=0.06)
     # a broken tooth is excluded
     assert float(sooner or fault) <= 44.0
+
+
+def test_the_angle_is_as_well_known_as_its_fastest_mesh_asks(train):
+    machine, known = train
+    signature = measure_signature(heard(machine), machine)
+    cycles = [signature.track.uncertainty_turns * own.order for own in kinematics(machine).meshes]
+    assert len(cycles) == 2
+    assert evidence_against(signature, machine, known).angle == pytest.approx(max(cycles))
 
 
 def test_crack_of_the_second_stage_is_flagged_there(train):
@@ -441,6 +450,14 @@ def test_a_channel_the_reference_lacks_is_left_out_and_said_so():
 def test_a_channel_not_looked_at_is_said_so():
     told = analyse(recording().select(["a2", "tacho"]), machine(), reference())
     assert any("not looked at: a1" in warning for warning in told.warnings)
+
+
+def test_what_the_reference_is_of_is_said_where_the_mesh_is_lost_too():
+    stranger = replace(machine(), name="stranger")
+    noise = replace(recording(), samples=white(recording().samples.shape, seed=5)).vibration()
+    told = analyse(noise, stranger, reference())
+    assert told.verdict != "healthy"
+    assert any("is it the same machine?" in warning for warning in told.warnings)
 
 
 def test_a_speed_outside_the_reference_is_said_so():

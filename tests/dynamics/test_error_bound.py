@@ -7,6 +7,7 @@ from reference.hill_cases import random_problem, scaled_problem
 from gearmon.dynamics import steady_state
 from gearmon.dynamics.error_bound import (
     Pattern,
+    _step_averages,
     best_gain,
     energy_gain,
     floquet_gain,
@@ -120,6 +121,31 @@ def test_sizes_of_phi_are_bounds():
             assert np.abs(phi).max() <= pattern.highest < 1.1 * np.abs(phi).max()
             variation = np.abs(np.diff(phi)).sum()
             assert variation <= pattern.variation < 1.1 * variation
+
+
+@pytest.mark.parametrize("count", [40, 400, 4000])
+@pytest.mark.parametrize("place", [0.0, 0.3, 0.99])
+def test_means_over_steps_are_those_of_quadrature(count, place):
+    """Of phi, and of the integral of what phi departs from its mean by, from the step's start."""
+    harmonics = np.array([0.2 + 0.1j, -0.15j, 0.05, 0.0, 0.02 + 0.03j])
+    mean, offset = _step_averages(harmonics, count)
+    k, (x, weights) = int(place * count), np.polynomial.legendre.leggauss(12)
+    step = 2 * math.pi / count
+    begin = k * step
+
+    def average(function, high):
+        return float(weights @ function(begin + (high - begin) * (1 + x) / 2) / 2)
+
+    def phi(angle):
+        return 2 * (np.exp(1j * np.outer(angle, np.arange(1, 6))) @ harmonics).real
+
+    def gathered(angles):
+        whole = average(phi, begin + step)
+        return np.array([(own - begin) * (average(phi, own) - whole) for own in angles])
+
+    assert mean[k] == pytest.approx(average(phi, begin + step), abs=1e-14)
+    own = average(gathered, begin + step)
+    assert offset[k] == pytest.approx(own, rel=1e-6, abs=1e-13 * step)
 
 
 def test_sets_side_by_side_are_as_each_alone():

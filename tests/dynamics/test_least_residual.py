@@ -43,6 +43,22 @@ def test_no_combination_of_the_orders_is_better():
     assert rms(right - u - coupling(u)) == pytest.approx(best, rel=1e-8)
 
 
+@pytest.mark.parametrize("size", [20, 40, 70])
+def test_as_many_orders_are_kept_as_a_hard_equation_needs(size):
+    """A real map of which all directions differ: the residual falls to nothing with the last."""
+    generator = np.random.default_rng(size)
+    full = generator.normal(size=(size, size)) / np.sqrt(size)
+    right = generator.normal(size=size) + 0j
+
+    def coupling(half):
+        return (full @ half.real) + 0j
+
+    u, orders = least_residual(coupling, right, 1e-9, 10 * size)
+    direct = np.linalg.solve(np.eye(size) + full, right.real)
+    assert orders > 0.8 * size
+    np.testing.assert_allclose(u.real, direct, atol=1e-6 * np.abs(direct).max())
+
+
 def test_it_ends_when_the_space_is_exhausted():
     coupling, right = equation_of(scaled_problem(2.0, 0.1, [0.1]), 4)
     u, orders = least_residual(coupling, right, 0.0, 100)

@@ -75,6 +75,16 @@ def test_the_response_is_that_of_the_formulas(name):
     assert own.response(0.0) == 0.0
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_tolerances_change_a_third_octave_within_the_band_and_three_beyond_it(name):
+    """ISO 8041-1, in exact third octaves of its edges."""
+    own = WEIGHTINGS[name]
+    thirds = 10 * np.log10([own.band_hz[0], *own.tolerances_hz, own.band_hz[1]])
+    low, first, second, third, last, high = np.round(thirds, 6)
+    assert (first - round(low), second - round(low)) == pytest.approx((-3, 1))
+    assert (third - round(high), last - round(high)) == pytest.approx((-1, 3))
+
+
 def tolerance(own, f):
     """By how much a filter may be too high and too low: table 5 of ISO 8041-1."""
     first, second, third, last = own.tolerances_hz

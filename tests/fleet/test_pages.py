@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 import socket
 import threading
@@ -133,6 +135,8 @@ def test_a_machine_has_a_page_with_its_history(address):
     table = Answer(address, "/table.csv?machine=b").text
     assert "rms, a1" in table.splitlines()[0]
     assert len(table.splitlines()) == 13
+    times = [float(row["time_s"]) for row in csv.DictReader(io.StringIO(table))]
+    assert times == sorted(times, reverse=True)  # the newest first
     assert Answer(address, "/table.csv").text.startswith("machine,verdict")
     assert Answer(address, "/machine?name=z").status == 404
     assert Answer(address, "/recording?id=x").status == 404

@@ -57,6 +57,14 @@ def test_power_and_peaks_are_those_of_marching(kind, seconds, wander, memory_s, 
     np.testing.assert_allclose(found.peaks[: len(peaks)], peaks, rtol=0.05)
 
 
+@pytest.mark.parametrize("kind", HARVESTERS)
+def test_an_offset_of_a_sensor_is_no_vibration(kind):
+    samples = heard(3, 4, 0.0, 1.0, 0.1)
+    still, offset = (respond(HARVESTERS[kind], samples + own, RATE) for own in (0.0, 1e3))
+    assert offset.power_w == pytest.approx(still.power_w, rel=1e-6)
+    np.testing.assert_allclose(offset.peaks, still.peaks, rtol=1e-6)
+
+
 def test_a_longer_recording_does_not_change_the_power():
     whole = heard(5, 120, 0.005, 0.3, 0.01)
     long = respond(HARVESTERS["beam"], whole, RATE)

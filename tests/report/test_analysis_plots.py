@@ -147,6 +147,18 @@ def test_sidebands_of_a_close_up_are_counted_upwards_from_the_mesh(healthy):
         assert place == pytest.approx(expected)
 
 
+def test_without_a_mesh_the_close_up_shows_as_much_below_as_above_where_it_was_looked_for(gearless):
+    signature = gearless.analysis.signature
+    (mesh,) = signature.meshes
+    (front, *_) = close_up_figure(gearless.analysis, gearless.recording, mesh).axes
+    drawn = curve(front).get_xdata()
+    (mark,) = mesh_marks(signature)[:1]
+    # beyond what was searched, which is shaded
+    assert drawn[0] < 0.96 * mark.place
+    assert drawn[-1] > 1.04 * mark.place
+    assert mark.place - drawn[0] == pytest.approx(drawn[-1] - mark.place, rel=0.02)
+
+
 def test_the_close_up_shows_the_harmonic_whose_sidebands_changed(faulty):
     changes = [
         replace(change, level_db=change.reference_db + (40 if change.harmonic == 3 else 0))

@@ -136,6 +136,14 @@ def test_kurtogram():
     assert ax.get_xlim() == (0.0, recording().sampling_rate_hz / 2)
     # the first row is the whole band
     assert ax.get_yticklabels()[0].get_text() == f"{recording().sampling_rate_hz / 2:.0f}"
+    # the frame is a band of its own row
+    own = found.kurtograms[0]
+    low, high, top = own.best
+    (frame,) = (own for own in ax.patches if own.get_height() == 1)
+    assert (frame.get_x(), frame.get_width()) == (low, high - low)
+    bands, level = own.bands[int(frame.get_y())], own.kurtosis[int(frame.get_y())]
+    assert frame.get_width() == pytest.approx(own.rate / 2 / bands)
+    assert level[round(low / frame.get_width())] == top
 
 
 def test_orders_maps_averages_and_indicators():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -80,6 +81,17 @@ def test_a_speed_far_from_nominal_is_a_caution(healthy):
     assert "above" in summary(slowed(healthy.analysis, 1.2)).more["caution"]
 
 
+@pytest.mark.parametrize(
+    ("lowest", "highest", "far"),
+    [(0.9, 1.4, False), (0.6, 1.1, False), (1.02, 1.4, False), (1.1, 1.4, True), (0.6, 0.9, True)],
+)
+def test_a_range_is_as_far_from_nominal_as_its_nearest_end(healthy, lowest, highest, far):
+    speed = healthy.analysis.signature.speed
+    ends = {"lowest_hz": lowest * speed.nominal_hz, "highest_hz": highest * speed.nominal_hz}
+    told = replace(healthy.analysis.signature, speed=replace(speed, **ends))
+    assert ("caution" in summary(replace(healthy.analysis, signature=told)).more) == far
+
+
 def test_a_machine_that_is_run_up_through_its_nominal_speed_is_not_far_from_it(healthy):
     slow = slowed(healthy.analysis, 0.8)
     speed = replace(slow.signature.speed, highest_hz=1.01 * slow.signature.speed.nominal_hz)
@@ -122,8 +134,6 @@ def test_the_page_opens_with_the_worst_and_folds_the_evidence(tmp_path, healthy,
 
 
 def test_since_when_is_what_the_history_tells(faulty, healthy):
-    from datetime import UTC, datetime
-
     from gearmon.diagnosis.history import History, entry_of, history_trends
 
     history = History(machine=faulty.machine.name)
@@ -164,4 +174,5 @@ def test_what_a_loss_has_become_is_told_by_its_trend_and_not_by_the_end_of_its_i
     first, now = re.search(r"its loss went from (\d+) % to (\d+) %", said).groups()
     assert abs(int(first) - 2) <= 1
     assert abs(int(now) - 22) <= 1
-    assert "in the last 6 of 16 recordings" in said
+    first = datetime.fromtimestamp(entries[10].time_s, UTC)
+    assert said.startswith(f"{first:%Y-%m-%d}, in the last 6 of 16 recordings")

@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from reference.small_gearbox import CRACK, machine, recording, reference
 from reference.synthetic_signals import white
 
 from gearmon.diagnosis.analysis import analyse
 from gearmon.errors import RecordingError
-from gearmon.signals.bad_samples import bad_stretches, inspected, sound_part
+from gearmon.signals.bad_samples import bad_stretches, inspected, sound_part, sound_piece
 from gearmon.signals.recording import Recording
 
 RATE = 10_000.0
@@ -252,6 +254,34 @@ def test_a_bridged_sample_leaves_the_rest_as_it_was():
     out = sound_part(of(bad)).samples[0]
     np.testing.assert_array_equal(np.flatnonzero(out != values), [7, 30_000, 59_999])
     assert np.abs(out).max() == np.abs(values).max()
+
+
+def test_a_spike_is_found_in_any_part_of_a_long_recording():
+    values, at = white((1 << 20) + 70_000, seed=14), (1 << 20) + 30_000
+    values[at] = 300.0
+    assert [(bad.start, bad.stop) for bad in bad_stretches(values)] == [(at, at + 1)]
+
+
+@given(st.lists(st.tuples(st.integers(0, 60), st.integers(1, 60)), max_size=5))
+def test_the_longest_sound_piece_is_that_of_a_walk_through_all_samples(drawn):
+    out = tuple(sorted((start, min(start + count, 61)) for start, count in drawn))
+    sound = [not any(start <= k < stop for start, stop in out) for k in range(61)]
+    longest, run = 0, 0
+    for own in sound:
+        run = run + 1 if own else 0
+        longest = max(longest, run)
+    first, end = sound_piece(replace(of(np.arange(61.0)), left_out=out))
+    assert all(sound[first:end])
+    assert end - first == longest
+
+
+def test_a_bridge_is_a_straight_line_from_the_sample_before_to_the_one_behind():
+    values = white(60_000, seed=13)
+    bad = values.copy()
+    bad[30_000:30_003] = 1e4
+    out = sound_part(of(bad)).samples[0]
+    np.testing.assert_allclose(np.diff(out[29_999:30_004], 2), 0.0, atol=1e-12)
+    assert (out[29_999], out[30_003]) == (values[29_999], values[30_003])
 
 
 # Averages leave out the turns about bad samples, and go on behind them

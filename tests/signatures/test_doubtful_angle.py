@@ -15,7 +15,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import load_machine
 from gearmon.signals.angle import AngleTrack
 from gearmon.signatures.speed_channels import track_recording
-from gearmon.signatures.tracking import GearVibration, Tracking, _with_doubt
+from gearmon.signatures.tracking import GearVibration, Tracking, _with_doubt, wander
 
 
 def slipped(track, turns, at_s, lasting_s=0.4):
@@ -118,6 +118,44 @@ def test_both_ends_of_the_angle_make_the_speed_uncertain():
     found = Tracking(signal=signal, track=track, scan=None, evidence=()).speed()
     assert found.estimated_hz == pytest.approx(25.0)
     assert found.uncertainty_hz == pytest.approx(np.hypot(1e-3, 1e-3) / 10.0)
+
+
+def test_beyond_the_pulses_the_speed_goes_on_changing_as_between_them():
+    """By c more from each turn to the next: c + 2 c + 3 c ... turns until an end is reached."""
+    gaps = np.exp(0.002 * np.random.default_rng(5).standard_normal(40).cumsum()) / 25.0
+    beyond = 3
+    steps = np.array([beyond, *[1] * 40, beyond])
+    time_s = np.cumsum([0.0, beyond * gaps[0], *gaps, beyond * gaps[-1]])
+    turns = np.cumsum([0.0, *steps])
+    track = AngleTrack(time_s=time_s, turns=turns, method="tacho", uncertainty_turns=1e-9)
+    change = np.std(np.diff(np.log(track.speed_hz[1:-1])))
+    rate = 2000.0
+    noise = np.random.default_rng(0).normal(size=(1, round(time_s[-1] * rate)))
+    signal = GearVibration(samples=noise, rate=rate, machine=two_stages(), nominal_hz=25.0)
+    found = Tracking(signal=signal, track=track, scan=None, evidence=()).speed()
+    off = change * sum(range(1, beyond + 1))
+    assert found.uncertainty_hz == pytest.approx(np.hypot(off, off) / time_s[-1], rel=1e-3)
+
+
+@pytest.mark.parametrize("order", [1.0, 0.2, 7.5])
+def test_wander_is_that_of_the_speed_whichever_shaft_is_counted(order):
+    """Of a speed that rises evenly by r about its mean: r over the root of 12."""
+    rise, last_s = 0.04, 100.0
+    track = track_of(
+        lambda time: order * 25.0 * time * (1 + rise * (time / last_s - 1) / 2), last_s, 2000
+    )
+    assert wander(track) == pytest.approx(rise / np.sqrt(12), rel=0.01)
+
+
+@pytest.mark.parametrize("fastest", [0.9, 1.03, 1.1, 1.4])
+def test_orders_are_planned_for_a_band_that_none_leaves_at_the_highest_speed(fastest):
+    samples = np.random.default_rng(0).normal(size=(1, 8000))
+    signal = GearVibration(samples=samples, rate=4000.0, machine=two_stages(), nominal_hz=25.0)
+    track = track_of(lambda time: 25.0 * fastest * time, 2.0, 100)
+    planned = Tracking(signal=signal, track=track, scan=None, evidence=()).plan_hz
+    # `measure_signature` plans up to 0.48 of the rate, 3 % above this speed
+    assert 0.48 / planned / 1.03 * 25.0 * fastest < 0.5
+    assert planned == 25.0 or fastest > 1.05
 
 
 @pytest.mark.parametrize("heard", [(True, False), (True, True)])

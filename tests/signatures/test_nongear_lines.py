@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -163,6 +165,15 @@ def test_storage_gives_back_every_bit():
             assert (one.least_db, one.looked_at) == (other.least_db, other.looked_at)
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.int64, np.complex128])
+def test_numbers_of_another_kind_are_not_restored(kind):
+    arrays = {}
+    told = stored(heard(3), arrays)
+    name = next(name for name, own in arrays.items() if own.dtype == np.float64)
+    with pytest.raises(ValueError, match="cannot be"):
+        restored(NonGearLines, told, arrays | {name: arrays[name].astype(kind)})
+
+
 def test_a_silent_channel_changes_nothing():
     samples, track = recorded(1, orders=TURNING)
     silent = np.vstack([samples, np.zeros(samples.shape[-1])])
@@ -193,6 +204,28 @@ def test_of_very_many_lines_the_clearest_are_listed(monkeypatch):
     known = heard(1, orders=TURNING, level=[0.2, 0.05, 0.02])
     assert known.lines == everything.lines[:2]
     assert known.grid("spectrum").least_db == max(everything.lines[2].over_noise_db)
+
+
+def test_pairs_about_a_far_stronger_line_are_its_modulation_and_no_lines():
+    """A swing of the angle sets such pairs; of one line alone something else is the source."""
+    beside = {"pair": (41.6, 41.4), "above": (41.6,), "below": (41.4,)}
+    for name, orders in beside.items():
+        found = heard(2, orders=(41.5, *orders), level=[0.5] + [0.08] * len(orders), wander=0.0)
+        shown = [round(line.order, 1) for line in found if line.kind == "spectrum"]
+        assert sorted(shown) == sorted({41.5, *(orders if name != "pair" else ())}), name
+
+
+def test_what_the_angle_does_not_tell_hides_lines_beside_strong_ones():
+    """Of a line of order n an angle off by e turns sets (2 pi n e)^2 of its power about it."""
+    samples, track = recorded(1, orders=(33.3,), level=2.0, wander=0.0)
+    found = {}
+    for turns in (1e-6, 1e-3):
+        x = InAngle.of(samples, RATE_HZ, replace(track, uncertainty_turns=turns))
+        (grid, _) = nongear_lines(x, train(), fine_order_spectrum(x)).grids
+        cell = int(33.45 * grid.hidden_db.shape[-1] / grid.top)
+        found[turns] = 10 ** (grid.hidden_db[0, cell] / 10)
+    more = (2 * np.pi * 33.45 * 1e-3) ** 2 * 2.0**2
+    assert found[1e-3] - found[1e-6] == pytest.approx(more, rel=0.1)
 
 
 @pytest.mark.parametrize("duration_s", [0.3, 1.0])

@@ -19,6 +19,7 @@ from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.measurement import measure_signature
 from gearmon.signatures.measured.reference import (
     Profile,
+    WheelPattern,
     is_reference,
     machine_notes,
     make_reference,
@@ -83,6 +84,30 @@ def test_pattern_is_the_mean_of_the_blocks():
     np.testing.assert_array_equal(harmonics % 23, 0)
 
 
+def test_a_mean_over_more_blocks_has_as_much_less_noise_in_it():
+    """Of blocks that do not scatter at all, the noise between the lines tells the variance."""
+    signature = analysis().signature
+    wheel, variances = signature.plan.wheels[0], []
+    for count in (20, 80):
+        blocks = np.repeat(signature.lines.mean[None], count, axis=0)
+        lines = replace(signature.lines, amplitude=blocks)
+        variances.append(WheelPattern.of(wheel, lines).variance * lines.independent_blocks)
+    np.testing.assert_allclose(variances[0], variances[1])
+
+
+def test_what_stands_beside_is_no_part_of_a_gears_own_lines():
+    signature = analysis().signature
+    wheel = signature.plan.wheels[0]
+    beside = np.stack([np.roll(wheel.lines, 1), np.roll(wheel.lines, -1)])
+    plain = WheelPattern.of(wheel, signature.lines)
+    found = WheelPattern.of(replace(wheel, beside=beside), signature.lines)
+    for name in ("amplitude", "variance"):
+        own = getattr(plain, name)
+        np.testing.assert_array_equal(getattr(found, name), own)
+        others = getattr(found, "beside" if name == "amplitude" else "beside_variance")
+        np.testing.assert_array_equal(others, [np.roll(own, 1, 1), np.roll(own, -1, 1)])
+
+
 def test_tooth_counts_in_words():
     assert tooth_counts(two_stages()) == "26/53, 23/61"
     assert tooth_counts(planetary()) == "20/40/100"
@@ -113,6 +138,17 @@ def test_families_must_have_something_in_common():
     bare = replace(signature, plan=plan, digests=("another", "one"), **levels)
     with pytest.raises(ArgumentError, match="share no family of lines"):
         make_reference([signature, bare], machine())
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_families_are_those_that_all_recordings_show(turned):
+    signature = analysis().signature
+    kept = signature.plan.families[2:]
+    plan = replace(signature.plan, families=kept)
+    levels = {name: getattr(signature, name)[:, 2:] for name in ("level_db", "scatter_db")}
+    fewer = replace(signature, plan=plan, digests=("another", "one"), **levels)
+    known = make_reference([fewer, signature] if turned else [signature, fewer], machine())
+    assert known.family_names == tuple(own.name for own in kept)
 
 
 def _array():

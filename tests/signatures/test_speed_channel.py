@@ -60,7 +60,7 @@ def test_without_the_channel_a_duty_cycle_cannot_be_followed(cycle):
         {},
         {"lag_s": 0.12},
         {"held_s": 0.1, "step": 5.0},
-        {"factor": 61.0},
+        {"factor": 61.5},
         {"unit": "rad/s", "factor": 2 * np.pi, "step": 0.1},
         {"name": "engine", "unit": None, "factor": 1.0, "step": 0.02},
     ],
@@ -129,6 +129,67 @@ def test_units_of_speed_and_columns_in_hz(tmp_path):
     path.write_text(f"acc [m/s2],shaft speed [Hz],grid [Hz]\n{rows}\n")
     found = read_recording(path, 1000.0)
     assert found.channel_kinds == ("vibration", "speed", "other")
+
+
+def test_rough_pulses_are_pulses(cycle):
+    told, generator = with_speed(cycle, name="speed", unit=None), np.random.default_rng(7)
+    pulses = 5.0 * (cycle.turns % 1.0 < 0.3) + 0.1 * generator.standard_normal(len(cycle.turns))
+    recording = replace(told, samples=np.vstack([cycle.recording.samples, pulses]))
+    assert track_recording(recording, cycle.machine).track.method == "tacho"
+
+
+def with_pulses(case, pulses):
+    """The case with a tachometer that the machine file may tell of."""
+    recording = case.recording
+    return replace(
+        recording,
+        samples=np.vstack([recording.samples, 5.0 * pulses]),
+        channel_names=(*recording.channel_names, "tacho"),
+        channel_kinds=(*recording.channel_kinds, "tacho"),
+        units=(*recording.units, "V"),
+        columns=(),
+    )
+
+
+def test_a_tachometer_is_known_to_the_machine_file_by_name_or_number_and_turns_its_own_shaft():
+    case = make_case(4, amount=0.003, duration_s=4.0)
+    order = float(kinematics(case.machine).shafts[1].order)
+    recording = with_pulses(case, order * case.turns % 1.0 < 0.3)
+    true_hz = np.ptp(case.turns) / recording.duration_s
+    for column in ("tacho", 2):
+        sensor = Sensor(column=column, kind="tacho", shaft=2, pulses_per_turn=1)
+        found = track_recording(recording, replace(case.machine, sensors=(sensor,)))
+        assert found.track.method == "tacho"
+        assert found.track.mean_hz == pytest.approx(true_hz, rel=1e-3)
+
+
+def test_pulses_that_are_mended_are_told_as_they_are():
+    case = make_case(4, amount=0.003, duration_s=8.0)
+    turn, place = np.floor(case.turns) - np.floor(case.turns[0]), case.turns % 1.0
+    gone, more = np.isin(turn, [30, 60]), (turn == 90) & (place > 0.6) & (place < 0.7)
+    found = track_recording(with_pulses(case, (place < 0.3) & ~gone | more), case.machine)
+    assert "tacho tacho: 2 pulses filled in, 1 left out" in found.notes
+
+
+def test_one_pulse_a_turn_counts_turns_at_half_the_nominal_speed():
+    case = make_case(5, amount=0.003, off=-0.5, duration_s=6.0)
+    found = track_recording(with_pulses(case, case.turns % 1.0 < 0.3), case.machine)
+    true_hz = np.ptp(case.turns) / case.recording.duration_s
+    assert found.track.mean_hz == pytest.approx(true_hz, rel=1e-3)
+    assert "tacho tacho: 1 pulse a turn" in found.notes
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_of_several_nominal_speeds_that_is_meant_near_which_the_machine_ran(cycle, first):
+    point = cycle.machine.operating[0]
+    point = replace(point, share=0.5)
+    slow = replace(point, speed_rpm=0.25 * point.speed_rpm)
+    points = (slow, point) if first else (point, slow)
+    machine = replace(cycle.machine, operating=points)
+    found = track_recording(with_speed(cycle), machine)
+    true_hz = np.ptp(cycle.turns) / cycle.recording.duration_s
+    assert found.track.mean_hz == pytest.approx(true_hz, rel=1e-3)
+    assert found.speed().nominal_hz == pytest.approx(point.shaft1_hz)
 
 
 @pytest.mark.parametrize("seed", [5, 6])

@@ -43,6 +43,12 @@ def test_modes_lie_in_their_band_and_peak():
     assert at[1] > at[0]
 
 
+def test_a_sensor_hears_a_force_as_loud_however_many_modes_there_are():
+    """Shapes of sensors have a mean square of one over all modes together."""
+    sizes = [float(np.sum(random_path(seed, 2, 1, 0.4).sensor_shapes ** 2)) for seed in range(60)]
+    assert np.mean(sizes) / 2 == pytest.approx(1.0, abs=0.1)
+
+
 @pytest.mark.parametrize(("channel", "stage"), [(0, 0), (1, 2)])
 def test_path_is_a_sum_of_modes_behind_a_bearing_that_passes_slow_forces_whole(channel, stage):
     """Number by number: w^2/(W^2 - w^2 + 2 i z W w) of every mode, over the mass."""

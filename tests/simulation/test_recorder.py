@@ -335,6 +335,17 @@ def test_the_load_that_is_told_wanders_about_the_share_asked_for():
     assert shares[2] == pytest.approx([0.5 * own for own in shares[1]])
 
 
+def test_load_and_speed_wander_each_by_itself():
+    """Over many recordings of half a wander each, the mean of one tells nothing of the other."""
+    wander = PURE | {"channels": 1, "speed_drift": 0.02, "load_drift": 0.02}
+    told = [simulate(one_pair(), (), 0.05, 4_000.0, seed=n, **wander).truth for n in range(16)]
+    speeds = [own["speed"]["mean_hz"] for own in told]
+    loads = [own["load"]["mean_share"] for own in told]
+    assert np.std(speeds) > 0
+    assert np.std(loads) > 0
+    assert abs(np.corrcoef(speeds, loads)[0, 1]) < 0.7
+
+
 def test_worn_profiles_move_the_mesh_in_proportion():
     sound, worn, twice = (
         simulate(one_pair(), faults, 1.0, 20_000.0, **QUIET)

@@ -77,6 +77,21 @@ def test_square_of_the_frequency_ratio_is_told_beside_it(findings):
     assert square == pytest.approx(ratio**2)
 
 
+def test_comparable_lines_are_counted_beside_the_best(results, findings):
+    lines = results.reference.response.energy_lines.tolist()
+    best = max(lines)
+    beside = [own for own in lines if own != best and own >= best / 3]
+    told = [e.ours for e in findings["10"].evidence if e.quantity.startswith("further lines")]
+    assert told == [len(beside)]
+
+
+def test_the_mass_with_the_largest_swing_is_that_of_the_motion_itself(results, findings):
+    sweep = results.sweeps["mass_kg"]
+    swings = [np.ptp(point.waveform.displacement_m) for point in sweep.points]
+    (told,) = [e.ours for e in findings["7a"].evidence if e.quantity.startswith("mass with")]
+    assert told == sweep.values[int(np.argmax(swings))]
+
+
 def test_verdicts_follow_the_results(results, findings):
     """Other results, other verdicts: nothing is typed in."""
     sweep = results.sweeps["stiffness_n_per_m"]

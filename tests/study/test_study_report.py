@@ -16,7 +16,7 @@ from gearmon.report.plots import as_png
 from gearmon.study import report as telling
 from gearmon.study import write_study
 from gearmon.study.claims import Evidence
-from gearmon.study.pair import SIGNALS
+from gearmon.study.pair import REFERENCE, SIGNALS
 from gearmon.study.report import (
     FIGURES,
     PICTURES,
@@ -67,6 +67,22 @@ def test_every_picture_is_drawn_by_its_function():
     assert len(NAMED) == len(PICTURES)
     named = {picture.get("drawing", [name])[0] for name, picture in NAMED.items()}
     assert named == {name[6:] for name in vars(telling) if name.startswith("_draw_")}
+
+
+def test_the_picture_of_contact_has_its_damping_in_the_units_of_its_axes(results):
+    study = results.contact
+    _, of_damping, _, both, *_ = draw_picture(NAMED["contact"], results).axes
+    assert "kN s/m" in of_damping.get_xlabel()
+    np.testing.assert_allclose(of_damping.lines[0].get_xdata(), study.damping.values / 1e3)
+    assert "kN s/m" in both.get_ylabel()
+    low, high = both.dataLim.intervaly
+    assert (low, high) == pytest.approx(
+        (study.map_dampings.min() / 1e3, study.map_dampings.max() / 1e3)
+    )
+    (star,) = (own for own in both.lines if own.get_marker() == "*")
+    assert star.get_xydata()[0] == pytest.approx(
+        [REFERENCE.mass_kg, REFERENCE.damping_ns_per_m / 1e3]
+    )
 
 
 @pytest.mark.parametrize("picture", PICTURES, ids=lambda picture: picture["name"])

@@ -98,6 +98,14 @@ def test_unit_effects_have_the_rms_of_the_sound_mesh():
             assert np.linalg.norm(gear.added[kind]) == pytest.approx(sound, rel=1e-3)
 
 
+def test_the_size_of_wear_is_its_effect_over_the_sound_mesh():
+    """Of teeth that are otherwise alike, the lines that are added, over those of the mesh."""
+    sound = np.linalg.norm(lines().healthy)
+    for seed, gear in enumerate(lines().gears):
+        added = training._DRAWN["wear"](gear, 1e-9, np.random.default_rng(seed))
+        assert added.size == pytest.approx(np.linalg.norm(added.displacement) / sound, rel=2e-3)
+
+
 def test_the_same_seed_draws_the_same_examples():
     one, two = (list(islice(examples(machine(), 5), 8)) for _ in range(2))
     assert all(

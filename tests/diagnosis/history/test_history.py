@@ -7,7 +7,7 @@ import json
 import os
 import sqlite3
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, timezone
 from types import SimpleNamespace
 
 import numpy as np
@@ -161,6 +161,12 @@ def test_without_estimates_or_numbers_only_the_gear_is_kept():
     assert [(place.tooth, place.loss) for place in kept.places] == [(None, 0.1)]
     unsure = flag(stiffness_loss=None, stiffness_loss_low=None, stiffness_loss_high=None)
     assert entry_of(analysis([unsure], [profile()]), NOW).places[0].loss is None
+
+
+@pytest.mark.parametrize("hours", [-7, 2, 5.5])
+def test_one_moment_is_the_same_entry_wherever_it_is_told(hours):
+    elsewhere = NOW.astimezone(timezone(timedelta(hours=hours)))
+    assert entry_of(analysis(), elsewhere) == entry_of(analysis(), NOW)
 
 
 def test_a_time_without_offset_is_refused():

@@ -107,6 +107,35 @@ def test_healthy_recordings_are_compared_with_one_another():
     )
 
 
+def about(harmonic, wheel):
+    """Whether lines belong to a mesh harmonic."""
+    return np.abs(wheel.number - harmonic * TEETH) <= TEETH // 2 - 1
+
+
+def test_what_a_mesh_harmonic_gains_comes_back_in_its_sidebands_and_is_no_growth():
+    sound = pattern(1.0)
+    heavy = np.where(about(3, sound), 2.0, 1.0)
+    for factor, growth in ((heavy, 0.0), (np.where(sound.mesh, 1.0, heavy), 20 * np.log10(2) / 6)):
+        louder = replace(sound, amplitude=factor * sound.amplitude)
+        (grown,) = turn_changes([louder], [[sound]]).values()
+        # of six harmonics in each channel
+        np.testing.assert_allclose(grown, growth, atol=0.02)
+
+
+def test_sidebands_count_by_how_well_they_are_known():
+    """By 1/(scatter^2 + 1 dB^2); all lines are alike, but for the noise of one harmonic."""
+    sound = replace(pattern(1.0), amplitude=np.ones((2, 6 * TEETH + 10), dtype=complex))
+    noise, gain = 0.05, 2.0
+    raised = about(2, sound) & ~sound.mesh
+    sound = replace(sound, variance=np.where(raised, noise, 1e-9) * np.ones((2, 1)))
+    louder = replace(sound, amplitude=np.where(raised, gain, 1.0) * sound.amplitude)
+    (grown,) = turn_changes([louder], [[sound]]).values()
+    squares = [2 * noise / (own**2 - noise) for own in (1.0, gain)]
+    weight = 1 / ((10 / np.log(10)) ** 2 * sum(squares) + 1)
+    change = 10 * np.log10((gain**2 - noise) / (1.0 - noise))
+    np.testing.assert_allclose(grown, weight * change / (weight + 5), rtol=1e-3)
+
+
 def test_harmonics_that_a_recording_lacks_are_not_compared():
     new, whole = pattern(2.0), pattern(1.0, seed=1)
     few = whole.number < 3 * TEETH + 7

@@ -96,6 +96,12 @@ def test_accelerations_become_metres_per_second_squared(write):
     assert np.array_equal(recording.samples, raw * [[GRAVITY], [1e-3], [1.0], [1.0]])
 
 
+@pytest.mark.parametrize("first", ["[g]", "[1]", "(s)"])
+def test_names_beside_a_cell_in_brackets_stay_names(write, first):
+    recording = read_recording(write(f"{first},front,rear"), 1000.0)
+    assert recording.channel_names[-2:] == ("front", "rear")
+
+
 @pytest.mark.parametrize("units", ["[s],[g],[m/s^2]\n", "s,g,m/s²\n", "(s),(g),(m/s2)\n"])
 def test_a_row_of_units(write, units):
     recording = read_recording(write("t,a,b", {0: np.arange(500) / 1000}, units))

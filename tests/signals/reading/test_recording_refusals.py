@@ -111,6 +111,27 @@ def test_half_a_number_at_the_end(path, text, shown):
     assert f"cut off in mid-line ({shown}" in refusal(path, text)
 
 
+@pytest.mark.parametrize(
+    ("last", "said"),
+    [
+        ("1.5,x,2.", "line 302, column 2 ('b'): 'x' is not a number"),
+        ("sum,1.25,2.", "line 302, column 1 ('a'): 'sum' is not a number"),
+        ("Mean,0", "line 302: 2 fields where the table has 3 columns"),
+    ],
+)
+def test_a_last_line_of_words_is_no_row_that_was_cut(path, last, said):
+    assert said in refusal(path, HEAD + BODY + last)
+
+
+def test_words_above_whole_numbers_do_not_tell_whether_a_comma_parts_them(path):
+    rows = "".join(f"{k % 9},{k % 7}\n" for k in range(40))
+    assert "may be one column with decimal commas" in refusal(path, f"first run in June\n{rows}")
+    path.write_text(f"a\n{rows}")
+    assert read_recording(path, 1000.0).samples.shape == (1, 40)
+    path.write_text(f"a,b\n{rows}")
+    assert read_recording(path, 1000.0).samples.shape == (2, 40)
+
+
 def test_a_complete_last_line_needs_no_line_end(path):
     path.write_text(HEAD + BODY[:-1])
     assert read_recording(path, 1000.0).samples.shape == (3, 300)

@@ -25,11 +25,28 @@ from gearmon.signals.tracking import (
     lock_track,
 )
 from gearmon.signals.tracking.mesh_detection import combined_comb
+from gearmon.signals.tracking.phases import roughness
 from gearmon.signatures.measured.measurement import measure_signature
 
 RATE, DURATION = 4000.0, 10.0
 TIME = np.arange(int(DURATION * RATE)) / RATE
 MESHES = np.array([23.0, 46.0, 69.0])
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_roughness_is_the_integral_of_the_squared_derivative(order):
+    """Of t and t^2 the difference quotients are the derivatives, wherever the places lie."""
+    places = np.cumsum(np.random.default_rng(4).uniform(0.3, 2.0, 40))
+    unit = np.mean(np.diff(places))
+    values, band = (places / unit) ** order, roughness(places, order)
+    found = sum(
+        (1 if k == 0 else 2)
+        * float(np.sum(own[: len(own) - k] * values[k:] * values[: len(own) - k]))
+        for k, own in enumerate(band)
+    )
+    steps = np.diff(places) / unit
+    over = steps.sum() if order == 1 else 0.5 * (steps[1:] + steps[:-1]).sum()
+    assert found == pytest.approx(order**2 * over)
 
 
 def mesh_signal(turns, noise=0.5, seed=0):
