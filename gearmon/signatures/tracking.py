@@ -66,9 +66,10 @@ _AT_THE_END = 0.1
 # How far about a path of speeds the comb is looked for in its angle, and then again. About a course
 # that a channel tells: for its lag and scale, and, in blocks of so many turns, when these are
 # known. Seven lumped machines over cycles of 0.35 to 1.05 of their speed, a channel that rounds to
-# 1 rpm, lags by 60 ms, scatters by 2 rpm and is off by 0.3 %: a lag of 62 ms is told, and the angle
-# is right to 0.3 mesh periods throughout, where after a second search in blocks of 10 turns instead
-# it slipped by one where a ramp begins.
+# 1 rpm, lags by 60 ms, scatters by 2 rpm and is off by 0.3 %: a lag of 62 ms is told; where a
+# second search was made in blocks of 10 turns the angle slipped by a mesh period where a ramp
+# begins. In 278 of 279 recordings of eleven such machines it is right to 0.3 mesh periods (95 % of
+# the time within the part that the lines hold), in the other to 0.43.
 _PATH_SEARCHES, _TOLD_SEARCHES = ((0.015, None), (0.008, None)), ((0.015, 5.0),)
 _LAG_REACHES = 0.12, 0.03
 # Wander of the speed from which the ends of a recording need care, relative standard deviation.

@@ -364,7 +364,7 @@ def unwarp(
     reach : float
         How far about the first track's speed to look, as a fraction.
     turns : float, optional
-        Length of a block; by default 10, or 4 and more that last 0.4 s.
+        Length of a block; by default as many as last 0.4 s, but 4 to 10.
 
     Returns
     -------

@@ -94,10 +94,10 @@ class TachoPulses:
                 f"pulse times: an array of shape {times.shape}; a row of at least "
                 f"{_FEWEST_PULSES} times is needed"
             )
-        for odd in np.flatnonzero(~np.isfinite(times)):
-            raise RecordingError(f"pulse times: pulse {odd + 1} has no finite time")
-        falls = np.flatnonzero(np.diff(times) <= 0)
-        for first in falls:
+        if len(odd := np.flatnonzero(~np.isfinite(times))):
+            raise RecordingError(f"pulse times: pulse {odd[0] + 1} has no finite time")
+        if len(falls := np.flatnonzero(np.diff(times) <= 0)):
+            first = falls[0]
             raise RecordingError(
                 f"pulse times: pulse {first + 2} at {times[first + 1]:g} s does not come after "
                 f"pulse {first + 1} at {times[first]:g} s, nor do {len(falls) - 1} others after "
