@@ -98,6 +98,56 @@ def test_unit_effects_have_the_rms_of_the_sound_mesh():
             assert np.linalg.norm(gear.added[kind]) == pytest.approx(sound, rel=1e-3)
 
 
+@pytest.mark.parametrize("number", [1, 2])
+def test_an_error_moves_the_teeth_or_changes_their_contact(number):
+    """What only moves them has no lines but those one or two turns away from the mesh."""
+    kind = ("eccentricity", "misalignment")[number - 1]
+    for gear in lines().gears:
+        moved = gear.multiple(number, 0.0, 0.0)
+        assert set(np.abs(gear.distance[np.abs(moved) > 1e-9 * np.abs(moved).max()])) == {number}
+        touched = gear.multiple(number, 1.0, 0.0)
+        np.testing.assert_allclose(touched, gear.added[kind])
+        both = gear.multiple(number, 0.25, 0.0)
+        np.testing.assert_allclose(both, 0.25 * touched + 0.75 * moved, rtol=1e-12)
+        # a quarter of a turn, four times over
+        turned = gear.multiple(number, 1.0, np.pi / 2) / np.where(touched == 0, 1.0, touched)
+        np.testing.assert_allclose(turned[touched != 0] ** 4, 1.0, rtol=1e-9)
+        once = gear.distance[touched != 0] == 1
+        np.testing.assert_allclose(turned[touched != 0][once], 1j, atol=1e-9)
+
+
+def test_load_moves_the_lines_of_the_mesh_and_not_those_of_errors(monkeypatch):
+    """A sound machine under another load, at the same speed."""
+    seen = []
+    measured = training._Sensors.measured
+
+    def watched(self, sound, *noise, **more):
+        seen.append(sound)
+        return measured(self, sound, *noise, **more)
+
+    monkeypatch.setattr(training._Sensors, "measured", watched)
+    log_uniform = training.log_uniform
+    still = (0.01, 0.1)  # how far another speed moves levels
+    monkeypatch.setattr(
+        training,
+        "log_uniform",
+        lambda rng, *ends: 0.0 if ends == still else log_uniform(rng, *ends),
+    )
+    random = np.random.default_rng(4)
+    loads = []
+    for _ in range(6):
+        seen.clear()
+        Example(lines(), NONE, random)
+        one, two = seen
+        mesh = lines().healthy != 0
+        assert not np.array_equal(one[~mesh], 0.0 * one[~mesh])
+        np.testing.assert_allclose(two[~mesh], one[~mesh], rtol=1e-12)
+        loads.append(np.mean(((two - one)[mesh] / lines().healthy[mesh] + 1.0).real))
+        np.testing.assert_allclose(two - one, (loads[-1] - 1.0) * lines().healthy, atol=1e-9)
+    assert all(0.7 <= own <= 1.4 for own in loads)
+    assert np.ptp(loads) > 0.05
+
+
 def test_the_size_of_wear_is_its_effect_over_the_sound_mesh():
     """Of teeth that are otherwise alike, the lines that are added, over those of the mesh."""
     sound = np.linalg.norm(lines().healthy)
@@ -233,6 +283,79 @@ def row(**changed):
 def test_rules_know_the_textbook_cases(kind, changed):
     shares = rule_probabilities(row(**changed))
     assert max(shares, key=shares.get) == kind
+
+
+@pytest.mark.parametrize(
+    ("kind", "known", "slopes"),
+    [
+        # once_db counts for itself, for what lasts beyond it, and for what follows at two turns
+        (
+            "eccentricity",
+            {"once_db": 12, "twice_db": 10, "several_db": 9, "far_db": 4, "peak_db": 8},
+            {"once_db": 3.5, "twice_db": -1, "several_db": -1.5, "far_db": -4, "peak_db": -1},
+        ),
+        # nothing beyond the first sideband that a smooth change would not have
+        (
+            "eccentricity",
+            {"once_db": 12, "twice_db": 8, "several_db": 5, "far_db": 1, "peak_db": 5},
+            {"once_db": 1},
+        ),
+        # sidebands that fell say as little as those that did not change
+        ("eccentricity", {"once_db": 4, "twice_db": -5, "several_db": -9}, {"once_db": 1}),
+        (
+            "misalignment",
+            {"twice_db": 12, "once_db": 5, "thrice_db": 3},
+            {"twice_db": 1, "once_db": -1},
+        ),
+        (
+            "misalignment",
+            {"twice_db": 12, "once_db": 2, "thrice_db": 5},
+            {"twice_db": 1, "thrice_db": -1},
+        ),
+        # the nearest sidebands stand in for those two turns away, farther lines for the rest
+        (
+            "misalignment",
+            {"turns_known": 0, "near_db": 12, "far_db": 1},
+            {"near_db": 1, "far_db": -1},
+        ),
+        (
+            "looseness",
+            {"twice_db": 9, "thrice_db": 12, "several_db": 12, "far_db": 3, "shaft_near_db": 2},
+            {"twice_db": 1, "far_db": -0.7, "shaft_near_db": 0.3},
+        ),
+        (
+            "looseness",
+            {"twice_db": 12, "thrice_db": 12, "several_db": 9, "far_db": -4, "shaft_near_db": -4},
+            {"several_db": 1},
+        ),
+        ("wear", {"mesh_rms_db": 8, "once_db": 3, "peak_db": 8}, {"mesh_rms_db": 1, "once_db": -1}),
+        (
+            "distributed pitting",
+            {"far_db": 4, "peak_db": 8},
+            {"far_db": 3, "teeth_involved": 2},
+        ),
+        (
+            "tooth damage",
+            {"peak_db": 15, "peaks": 1},
+            {"peak_db": 1, "teeth_involved": -4, "peaks": -5},
+        ),
+        ("several teeth", {"peak_db": 15, "peaks": 2}, {"peak_db": 1, "teeth_involved": -2}),
+    ],
+)
+def test_a_kind_gains_or_loses_so_many_decibels_by_each_more_of_a_feature(kind, known, slopes):
+    """By 2.5 dB a kind becomes e times as probable, beside that nothing is wrong."""
+    # an event speaks against all that is smooth
+    if kind in ("wear", "distributed pitting"):
+        slopes = slopes | {"peak_db": -1}
+
+    def speaks_db(**more):
+        shares = rule_probabilities(row(**known | more))
+        return 2.5 * np.log(shares[kind] / shares[NONE])
+
+    plain = row(**known)
+    found = {name: speaks_db(**{name: plain[name] + 1}) - speaks_db() for name in NAMES}
+    del found["turns_known"]
+    assert found == pytest.approx(dict.fromkeys(found, 0.0) | slopes, abs=1e-6)
 
 
 def test_a_judgement_names_gear_and_reasons():

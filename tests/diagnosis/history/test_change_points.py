@@ -197,6 +197,18 @@ def test_growth_and_repair_are_two_changes():
     )
 
 
+def test_every_further_change_needs_two_more_recordings_than_six():
+    """A staircase as clear as can be, two recordings a step, all of them upwards."""
+    generator = np.random.default_rng(3)
+    most = dict.fromkeys(range(6, 10), 0)
+    for count in most:
+        for _ in range(12):
+            rise = np.where(np.arange(count) % 2, 0.0, 10.0 ** generator.uniform(1, 3, count))
+            found = find_changes(series(np.cumsum(rise) + generator.normal(size=count)))
+            most[count] = max(most[count], len(found))
+    assert most == {6: 1, 7: 1, 8: 2, 9: 2}
+
+
 def test_growth_from_the_first_recording_may_have_begun_before():
     generator = np.random.default_rng(8)
     (change,) = find_changes(series(np.arange(15.0) + generator.normal(0, 0.5, 15), 0.5))

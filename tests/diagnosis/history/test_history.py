@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import sqlite3
+import threading
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from types import SimpleNamespace
@@ -27,6 +28,7 @@ from gearmon.diagnosis.history import (
     time_text,
 )
 from gearmon.diagnosis.history.entries import read_time, time_from_name
+from gearmon.diagnosis.history.store import append_to, opened
 from gearmon.diagnosis.history.trends import Crossing, normal_equivalent
 from gearmon.diagnosis.results import Flag, ToothProfile
 from gearmon.errors import ArgumentError, SignatureError
@@ -303,6 +305,30 @@ def test_duplicates_are_refused_or_replaced_and_nothing_is_half_written(tmp_path
     found = read_history(path).entries
     assert [e.recording for e in found] == ["r0.csv", "new.csv"]
     assert len(found[1].places) == 1
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_of_two_that_write_at_once_the_second_waits_for_the_first(tmp_path, begun):
+    """Both look first whether a recording is there already, in a new file and in one of others."""
+    path, looked = tmp_path / "history.db", threading.Event()
+    if begun:
+        append(path, [entry(0)])
+
+    def second():
+        with opened(path, create=True) as store:
+            looked.set()
+            append_to(store, entry(2))
+
+    other = threading.Thread(target=second)
+    with opened(path, create=True) as store:
+        other.start()
+        # one that did not wait would have looked by now
+        looked.wait(0.2)
+        append_to(store, entry(1))
+    other.join()
+    with opened(path, create=False) as store:
+        told = [row["recording"] for row in store.execute("SELECT recording FROM recordings")]
+    assert sorted(told) == ["r0.csv", "r1.csv", "r2.csv"][not begun :]
 
 
 def test_another_machine_under_the_same_name_is_refused(tmp_path):

@@ -81,6 +81,14 @@ def test_lines_are_those_that_all_planets_bring_alike(gear, met):
         assert gear == "planet" or np.all((band.number - band.side) % PLANETS == 0)
 
 
+def test_planets_at_unequal_distances_do_not_meet_a_tooth_at_equal_parts_of_a_turn():
+    """Of 18 + 72 teeth a third of the sum is whole, a quarter is not."""
+    for planets, alike in ((3, 3), (4, 1)):
+        for gear, met in (("sun", alike), ("ring", alike), ("planet", 2)):
+            told = as_heard(deviation(gear, None, 0), machine(planets))
+            assert told.meetings == met
+
+
 @pytest.mark.parametrize("gear", list(TEETH))
 def test_a_tooth_stands_out_without_a_template(gear):
     for seed in range(4):
@@ -229,6 +237,26 @@ def test_a_tooth_of_the_ring_is_found_with_its_loss():
         assert loss_estimate(heard, machine(), 10.0).loss == losses[-1]
         assert ring_with(0.0, 20, stage, seed).believed < 5.0
     assert np.median(losses) == pytest.approx(0.3, rel=0.35)
+
+
+@pytest.mark.parametrize("apart", [-0.45, -0.1, 0.0, 0.3])
+@pytest.mark.parametrize("best", [0, 7, RING - 1])
+def test_the_place_is_the_top_of_the_parabola_through_the_best_tooth_and_its_neighbours(
+    best, apart
+):
+    (stage,) = machine().stages
+    known = ring_with(0.3, 20, stage, 0)
+    search = copy(known.search)
+    search.best = best
+    away = (np.arange(RING) - best + RING // 2) % RING - RING // 2
+    search.log_place = -3.0 * (away - apart) ** 2
+    free = GearEvidence(deviation=known.deviation, search=search)
+    assert free.place[0] == best + 1
+    assert free.place[1] == pytest.approx((best + apart + CONTACT_CENTRE) / RING % 1.0)
+    # teeth that are counted from the pulse of a tachometer stand where they are
+    seated = replace(known.deviation, same_zero=True)
+    fixed = GearEvidence(deviation=seated, search=search)
+    assert fixed.place == (best + 1, pytest.approx((best + CONTACT_CENTRE) / RING % 1.0))
 
 
 def told(planets=3, **held):
