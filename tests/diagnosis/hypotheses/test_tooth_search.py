@@ -8,6 +8,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from reference.gear_departures import held_against
 
 from gearmon.diagnosis.hypotheses.mesh_harmonics import (
@@ -482,6 +484,29 @@ def test_the_path_is_told_by_neighbours_where_a_harmonic_is_silent():
     expected = np.array([0.0, 2.0, 0.0, 2.0], dtype=complex)
     measured = np.array([[0.0, 12.0, 0.0, 12.0]])
     assert path_power(measured, expected)[0, 1:] == pytest.approx([3.0, 3.0, 3.0])
+
+
+@given(st.integers(0, 1000), st.booleans())
+def test_the_path_is_a_weighted_mean_of_a_harmonic_and_its_neighbours(seed, mean):
+    """One harmonic after another; the mean load, which stands at harmonic 0, tells nothing."""
+    rng, weights = np.random.default_rng([5, seed]), {-1: 0.5, 0: 1.0, 1: 0.5}
+    expected = rng.normal(size=8) + 1j * rng.normal(size=8)
+    measured = rng.exponential(size=(2, 9))
+    expected[rng.uniform(size=8) < 0.2] = 0.0
+    found = path_power(measured, expected, mean=mean)
+    known = [k for k in range(1, 8) if expected[k] != 0]
+    for channel, row in zip(measured, found, strict=True):
+        assert row[0] == 0.0
+        for k in range(1, 8):
+            near = [(channel[j], abs(expected[j]) ** 2, weights.get(j - k, 0.0)) for j in known]
+            heard, power, weight = np.array(near).reshape(-1, 3).T
+            if not weight.any():
+                assert row[k] == 0.0
+            elif mean:
+                assert row[k] == pytest.approx(heard @ weight / (power @ weight))
+            else:
+                ratio = np.log(heard / power) @ weight / weight.sum()
+                assert row[k] == pytest.approx(np.exp(ratio))
 
 
 def test_a_resonance_on_one_harmonic_hardly_tells_the_path_of_the_next():

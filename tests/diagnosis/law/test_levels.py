@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -120,6 +121,29 @@ def test_bands_that_move_as_one_are_told_from_sidebands_of_one_gear():
     assert not path_change(held(gear, known), families()).likely
     unrelated = np.tile(6.0 * rng.normal(size=(1, 24)), (2, 1))
     assert not path_change(held(unrelated, known), families()).likely
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_common_to_bands_is_their_share_of_an_analysis_of_variance(seed):
+    """One band after another: the square of its mean, less what its scatter alone lets expect."""
+    rng, size = np.random.default_rng([7, seed]), 3.0 + 2.0 * seed
+    # bands of one, two and more families that can be compared
+    told = rng.uniform(size=(2, 24)) < 0.7
+    moved = size * np.repeat(rng.normal(size=(2, 8)), 3, axis=1) + 4.0 * rng.normal(size=(2, 24))
+    standardised = np.where(told, moved, np.nan)
+    between, within, loudest, bands = 0.0, 0.0, 0.0, 0
+    for channel in standardised:
+        for band in channel.reshape(8, 3):
+            own = band[np.isfinite(band)]
+            if len(own) > 1:
+                between += max(len(own) * own.mean() ** 2 - own.var(ddof=1), 0.0)
+                within += len(own) * own.var(ddof=1)
+                loudest += len(own) * own.mean() ** 2
+                bands += 1
+    path = path_change(SimpleNamespace(standardised=standardised), families())
+    assert path.common == pytest.approx(between / (between + within))
+    assert path.bands == bands
+    assert path.together == pytest.approx(loudest / bands)
 
 
 def test_mesh_harmonics_that_change_otherwise_in_each_channel_are_another_path():

@@ -64,6 +64,22 @@ def test_loud_teeth_do_not_turn_the_gear(event, apart):
     assert all(found)
 
 
+def test_lines_beside_a_gear_that_planets_carry_take_the_phase_of_the_carrier():
+    rng = np.random.default_rng(12)
+    (known, _), angle = pair(2, 0.0, noise=1e-6), 0.375
+    beside = complex_noise(rng, 2, *known.amplitude.shape[1:])
+    phase = np.exp(1j * np.array([0.0, 1.1, -2.3]))[:, None, None]
+    three = {name: np.repeat(getattr(known, name), 3, axis=0) for name in ("variance", "usable")}
+    old = GearPattern(amplitude=np.concatenate([known.amplitude, beside]), **three)
+    turned = replace(old.turned(angle), amplitude=old.turned(angle).amplitude * phase)
+    found, told = old.turned_to(turned, TEETH)
+    assert error(told, angle) < 1e-3
+    same = found.amplitude - turned.amplitude
+    assert np.abs(same).max() < 1e-2 * np.abs(turned.amplitude).max()
+    # the lines of the gear itself keep theirs, whatever the other's path
+    assert found.amplitude[0] == pytest.approx(old.turned(told).amplitude[0])
+
+
 @pytest.mark.parametrize("event", [0.0, 5.0])
 def test_nothing_healthy_to_turn_is_no_error(event):
     known, new = pair(1, 0.3, event=event)

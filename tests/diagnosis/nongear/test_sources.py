@@ -86,6 +86,25 @@ def test_sidebands_of_a_bearing_are_named_by_their_side():
     assert found.slip == pytest.approx(-0.01, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("apart", "named"), [(-0.9, True), (0.9, True), (-4.5, False), (4.5, False)]
+)
+@pytest.mark.parametrize("harmonic", [2, 4, 6])
+def test_harmonics_of_a_bearing_agree_on_its_slip_to_a_thousandth_of_their_order(
+    apart, named, harmonic
+):
+    bearing = {"name": "input", "shaft": 1, "balls": 9, "ball_diameter_mm": 7.94,
+               "pitch_diameter_mm": 39.04}  # fmt: skip
+    stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
+    train = kinematics(load_machine(operating={"speed_rpm": 1500.0}, stage=stage, bearing=bearing))
+    (race,) = [line.order for line in train.lines if "outer race" in line.name]
+    slipped = 0.99 * race
+    heard = lines([slipped, harmonic * slipped * (1.0 + 1e-3 * apart)])
+    found = name_lines(heard, train, 1e-4, 100.0)
+    assert found[0].labels[0] == "1 x"
+    assert found[0].labels.get(1) == (f"{harmonic} x" if named else None)
+
+
 @pytest.mark.parametrize("mains_hz", [50.0, 60.0])
 def test_a_plant_has_one_mains_frequency(mains_hz):
     """300 and 600 Hz are multiples of both."""
