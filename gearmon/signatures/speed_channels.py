@@ -241,7 +241,7 @@ def _by_speed_channel(recording: Recording, signal: GearVibration) -> Tracking |
         alone = signal.alone if high < (1 + 2 * SPEED_REACH) * low else None
         if alone and _tells(course, alone) and _is_sure(alone):
             return None
-        found = follow_told(replace(signal, told=course, nominal_hz=nominal_hz))
+        found = follow_told(replace(signal, nominal_hz=nominal_hz), course)
         if found is None or not _tells(course, found):
             continue
         if alone and _tells(course, alone):

@@ -34,7 +34,8 @@ from gearmon.signatures.measured.measurement import (
 from gearmon.signatures.tracking import mesh_combs
 from gearmon.simulation import simulate
 
-PAIR = Path(__file__).parents[2] / "signatures" / "reference_pair.toml"
+SIGNATURES = Path(__file__).parents[2] / "signatures"
+PAIR = SIGNATURES / "reference_pair.toml"
 
 RATE, SPEED, DURATION = 4000.0, 24.7, 16.0
 TIME = np.arange(int(DURATION * RATE)) / RATE
@@ -648,3 +649,21 @@ def test_knocks_leave_the_levels_between_the_lines(per_second):
     share = 1.0 - (1.0 - 0.0142) ** (10 * per_second)
     most = 10 * np.log10(-np.log(1.0 - 0.5 / (1.0 - share)) / np.log(2.0))
     assert 0.2 * most < np.nanmedian(knocked - quiet) < most < 2.1  # of their mean: 7 and 10 dB
+
+
+@pytest.mark.parametrize("share", [0.8, 0.95, 1.08, 1.2])
+@pytest.mark.parametrize("name", ["combine_gearbox", "planetary_final_drive"])
+def test_speed_and_angle_are_found_far_from_nominal_without_a_tachometer(name, share):
+    machine = load_machine(SIGNATURES / f"{name}.toml")
+    nominal = machine.operating[0]
+    point = replace(nominal, speed_rpm=share * nominal.speed_rpm)
+    recording = simulate(machine, (), 10.0, 10_000.0, seed=8, point=point, channels=2)
+    measured = measure_signature(recording, machine)
+    assert measured.found
+    truth = recording.truth["speed"]
+    assert measured.speed.estimated_hz == pytest.approx(truth["mean_hz"], rel=3e-4)
+    # one turn of shaft 1 after the other, but for where they are counted from
+    turns = measured.track.turns_at(np.array(truth["turn_times_s"]))
+    error = turns - np.arange(len(turns))
+    mesh = max(one.order for one in kinematics(machine).meshes)
+    assert np.quantile(np.abs(error - np.median(error)), 0.9) * mesh < 0.1

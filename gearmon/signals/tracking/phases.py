@@ -76,8 +76,8 @@ _NOISE_VARIANCE = 1.0 / 12.0
 # set at 11 Hz that wanders by 1 and 2 % was off by 0.1 to 9 mesh periods in 8 of 8 recordings, and
 # is by 0.01 in 6.
 _UNWARP_TURNS, _UNWARP_S, _UNWARPED = (4.0, 10.0), 0.4, 2
-# Share of the lines that is phase-coherent above which nothing is left to gain by that.
-_ALL_COHERENT = 0.93
+#: Share of the lines that is phase-coherent above which nothing is left to gain by that.
+ALL_COHERENT = 0.93
 
 # Thresholds divide what `test_slips` holds apart: angles with slips of whole mesh periods planted,
 # lines that fade, paths that ring.
@@ -239,7 +239,7 @@ def lock_track(sums: OrderSums, track: AngleTrack) -> tuple[AngleTrack, float]:
         for _ in range(_PASSES):
             locked = _locked(locked, sums.sliding(locked, _LOCK_TURNS), limits)
         found.append((locked, coherent_share(sums, locked)))
-        if found[-1][1] > _ALL_COHERENT:
+        if found[-1][1] > ALL_COHERENT:
             break
     return max(found, key=lambda own: own[1])
 
@@ -403,7 +403,7 @@ def follow_lines(sums: OrderSums, track: AngleTrack, comb: Comb) -> tuple[AngleT
     """
     best = lock_track(sums, track)
     for _ in range(_UNWARPED):
-        if best[1] > _ALL_COHERENT:
+        if best[1] > ALL_COHERENT:
             break
         track = unwarp(sums, track, comb)
         best = max(best, lock_track(sums, track), key=lambda found: found[1])
