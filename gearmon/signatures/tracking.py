@@ -478,13 +478,16 @@ def _followed(signal: GearVibration) -> Tracking | None:
     None if no mesh stands out there.
     """
     found: list[Tracking] = []
-    for way in (GearVibration.far_scan, GearVibration.path):
+    # long blocks show the turns of a shaft without gears so sharply that a single mesh may suit
+    ways = (GearVibration.far_scan, GearVibration.path)
+    for way in ways if len(signal.meshes) > 1 else ways[1:]:
         meant, scan = signal.meant(way)
         speed, ends = scan.track(), scan.nominal_hz * scan.ratio[[1, -2]]
         # beyond what is looked at the speed is not known
         if np.mean((speed.speed_hz <= ends[0]) | (speed.speed_hz >= ends[1])) <= _AT_THE_END:
             one = _locked(meant, speed, _PATH_SEARCHES)
-            found += [one] if one and one.coherent >= _GATHERED else []
+            least = COHERENT if way == GearVibration.far_scan else _GATHERED
+            found += [one] if one and one.coherent >= least else []
         if found and found[0].coherent > phases.ALL_COHERENT:
             break
     return max(found, key=lambda one: one.shown, default=None)
