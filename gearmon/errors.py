@@ -110,6 +110,17 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
     return matches[0] if matches else None
 
 
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """Return a count with its noun, as "1 mesh", "2 meshes".
+
+    Examples
+    --------
+    >>> counted(1, "mesh", "meshes"), counted(3, "turn")
+    ('1 mesh', '3 turns')
+    """
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
+
+
 def check_word(name: str, word: str, known: Iterable[str]) -> None:
     """Raise if `word` is not one of the known words, with the one that looks most like it.
 

@@ -18,6 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from gearmon.diagnosis.history.changes import LEVEL, ChangePoint
 from gearmon.diagnosis.history.trends import SECONDS_PER_DAY, HistoryTrends, ToothTrend
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
+from gearmon.errors import counted
 from gearmon.report import curves, plots, wording
 from gearmon.report.spectrum_plots import amplitude_figure, close_up_figure
 from gearmon.report.text import BEYOND, is_beyond, told_teeth
@@ -422,7 +423,7 @@ def _losses(found: HistoryTrends, ax: Axes) -> None:
     drawn = [*shown, *new][:_MOST_TEETH]
     others = [tooth for tooth in found.teeth if tooth not in drawn]
     other = "other " if drawn else ""
-    name = wording.counted(len(others), f"{other}tooth", f"{other}teeth")
+    name = counted(len(others), f"{other}tooth", f"{other}teeth")
     # a line above the limit need not be a loss
     told = name if any(tooth.stands for tooth in others) else f"{name}, no loss clear of noise"
     for number, tooth in enumerate(others[:_MOST_OTHERS]):

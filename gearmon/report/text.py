@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING
 
 from gearmon.diagnosis.results import Analysis, Change, Flag
 from gearmon.diagnosis.verdict import fault_sentence, left_open
+from gearmon.errors import counted
 from gearmon.gears.kinematics import LineTable
 from gearmon.report import wording
-from gearmon.report.wording import counted, gear_text, percent, printable, probability_text
+from gearmon.report.wording import gear_text, percent, printable, probability_text
 from gearmon.signatures.measured.reference import Reference
 from gearmon.signatures.tracking import Speed
 

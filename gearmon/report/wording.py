@@ -157,17 +157,6 @@ def loss_text(loss: float | None, low: float | None, high: float | None) -> str:
     return f"{100 * loss:.2g} % ({100 * low:.2g} to {100 * high:.2g} %)"
 
 
-def counted(number: int, noun: str, plural: str = "") -> str:
-    """Return a count with its noun, as "1 mesh", "2 meshes".
-
-    Examples
-    --------
-    >>> counted(1, "mesh", "meshes"), counted(3, "turn")
-    ('1 mesh', '3 turns')
-    """
-    return f"{number} {noun if number == 1 else plural or noun + 's'}"
-
-
 def printable(text: str) -> str:
     """Return a text without control characters: file names may hold any."""
     return "".join(c if unicodedata.category(c)[0] != "C" else "�" for c in text)

@@ -173,9 +173,8 @@ def inspected(recording: Recording) -> Recording:
         if bad.bridged:
             # a straight line from the sample before to the one behind
             beside = [k for k in (bad.start - 1, bad.stop) if 0 <= k < samples.shape[1]]
-            ends = samples[row, beside[0]], samples[row, beside[-1]]
-            straight = np.linspace(ends[0], ends[1], bad.stop - bad.start + 2)
-            samples[row, bad.start : bad.stop] = straight[1:-1]
+            straight = np.interp(range(bad.start, bad.stop), beside, samples[row, beside])
+            samples[row, bad.start : bad.stop] = straight
         else:
             samples[vibrates, bad.start : bad.stop] = 0.0
     out = tuple(sorted((bad.start, bad.stop) for _, bad in mended if not bad.bridged))

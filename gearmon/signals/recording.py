@@ -206,7 +206,8 @@ def read_recording(
     its text. WAV, npy, npz and MATLAB files up to version 7 are read as they are; FLAC, HDF5 and
     MATLAB 7.3, TDMS, UFF 58 and Parquet with the extra of that name. Rate, names and units are
     taken from the file where it states them. What is not certain is refused with one line that says
-    why, and nothing is repaired.
+    why, and nothing is repaired; only a speed that few rows hold, as a bus tells it, is taken to go
+    straight from each to the next, with a note.
 
     Parameters
     ----------

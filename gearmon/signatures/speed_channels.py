@@ -18,7 +18,7 @@ from functools import cache
 import numpy as np
 
 from gearmon.arrays import FloatArray
-from gearmon.errors import ArgumentError, RecordingError
+from gearmon.errors import ArgumentError, RecordingError, counted
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, Sensor
 from gearmon.signals.recording import Recording
@@ -151,7 +151,7 @@ def _with_tacho(recording: Recording, index: int, signal: GearVibration, sure: b
         rival: Tracking = getattr(signal, way)
         if rival.detected > found.detected and found.is_near(rival):
             found = replace(found, scan=rival.scan, evidence=rival.evidence)
-    told = [f"{count} pulse{'s' if count > 1 else ''} a turn"]
+    told = [f"{counted(count, 'pulse')} a turn"]
     if pulses.missing or pulses.extra:
         told.append(f"{pulses.missing} pulses filled in, {pulses.extra} left out")
     track = found.track

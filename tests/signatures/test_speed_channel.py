@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from reference.speed_cases import make_case
 from scipy.signal import lfilter
@@ -92,6 +93,19 @@ def test_lines_that_tell_the_angle_alone_need_no_channel_and_no_wrong_one_spoils
         found = track_recording(with_speed(case, factor=factor), case.machine)
         assert np.array_equal(found.track.turns, alone.track.turns), factor
         assert found.notes == alone.notes
+
+
+def test_a_speed_told_ten_times_a_second_with_empty_rows_between_tells_the_angle(cycle):
+    told = with_speed(cycle, held_s=0.1)
+    rate = told.sampling_rate_hz
+    frame = pd.DataFrame(told.samples.T, columns=told.channel_names)
+    every = round(0.1 * rate)
+    frame.loc[np.arange(len(frame)) % every != 0, "speed"] = np.nan
+    recording = read_recording(frame.rename(columns={"speed": "speed_rpm"}), rate)
+    assert any("taken to go straight" in note for note in recording.notes)
+    found = track_recording(recording, cycle.machine)
+    assert error(cycle, found) < 0.2
+    assert found.notes[0].startswith("channel speed_rpm")
 
 
 def test_speeds_below_a_fifth_of_nominal_do_no_harm():

@@ -310,7 +310,7 @@ def _missing(values: FloatArray) -> Defect:
     if len(bad) == count:
         return Defect(text=f"has no numbers at all in {count} rows", row=-1, missing="no number")
     share = 100 * len(bad) / count
-    text = f"lacks a usable number in {len(bad)} of {count} rows ({share:.2g} %)"
+    text = f"lacks a usable number in {len(bad)} of {count} rows ({share:.3g} %)"
     what = "more than any sensor gives" if np.isfinite(values[bad[0]]) else "no number"
     return Defect(text=text, row=int(bad[0]), fatal=False, missing=what)
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, product
 
-from gearmon.errors import RecordingError
+from gearmon.errors import RecordingError, counted
 from gearmon.signals.reading.columns import LONGEST_QUOTE, Column, describe_columns, shortened
 from gearmon.units import are_units
 
@@ -223,7 +223,7 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect:
         # the last lines that are neither remarks nor empty
         filled = (line for line in reversed(lines) if line.strip(_EMPTY) and not is_comment(line))
         sample = list(islice(filled, count))[::-1]
-        dialect = _most_likely(sample)
+        dialect = _most_likely(sample, lines)
         if dialect is not None:
             break
     else:
@@ -268,10 +268,10 @@ def _without_rows(lines: Sequence[str]) -> str:
     )
 
 
-def _most_likely(sample: Sequence[str]) -> Dialect | None:
+def _most_likely(sample: Sequence[str], lines: Sequence[str]) -> Dialect | None:
     """Return the dialect in which most lines of the sample are rows of one length.
 
-    It has what these rows tell.
+    It has what these rows tell, and how many columns those of all lines have that are as long.
     """
     commas, quotes = (any(mark in line for line in sample) for mark in ',"')
     best, most = None, 0
@@ -287,6 +287,11 @@ def _most_likely(sample: Sequence[str]) -> Dialect | None:
         length, most = lengths[0]
         alike = [row for _, row in rows if len(row) == length]
         columns = max(len(without_empty_end(row)) for row in alike)
+        if length > columns:  # a last column may hold a number now and then, as of a slow sensor
+            empty = mark * (length - columns)
+            full = (dialect.row(line) for line in lines if not line.endswith(empty))
+            filled = (len(without_empty_end(row)) for row in full if row and len(row) == length)
+            columns = max([columns, *filled])
         moments = [*map(to_microseconds, alike[0])]
         stamp = next((k for k, own in enumerate(moments) if own is not None), None)
         origin = 0 if stamp is None else moments[stamp] or 0
@@ -324,20 +329,12 @@ def _first_row(path: str, lines: Sequence[str], dialect: Dialect) -> tuple[int, 
     raise AssertionError("the sample has a row, so the lines have one")
 
 
-def counted(count: int, noun: str) -> str:
-    """Return the number with its noun, in the plural where needed."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
 def _widened(dialect: Dialect, rows: Sequence[str], above: Sequence[Line]) -> Dialect:
     """Count columns that have a name but no number in any row."""
-    if not dialect.trailing or not above:
-        return dialect
-    named = len(without_empty_end(dialect.split(above[-1][1])))
+    named = len(without_empty_end(dialect.split(above[-1][1]))) if above else 0
     length = min(len(dialect.split(line)) for line in rows)
-    if not dialect.columns < named <= length:
-        return dialect
-    return replace(dialect, columns=named, trailing=length > named)
+    wider = dialect.trailing and dialect.columns < named <= length
+    return replace(dialect, columns=named, trailing=length > named) if wider else dialect
 
 
 def _decided(path: str, dialect: Dialect, rows: Sequence[str], above: Sequence[Line]) -> Dialect:

@@ -387,8 +387,7 @@ def peak_refined(scores: FloatArray, path: IntArray, speeds: FloatArray) -> Floa
     middle = np.clip(path, 1, len(speeds) - 2)
     rows = np.arange(len(path))
     left, here, right = (scores[rows, middle + shift] for shift in (-1, 0, 1))
-    curvature = 2 * here - left - right
-    flat = np.zeros(len(path))
-    offset = np.divide(0.5 * (right - left), curvature, out=flat, where=curvature > 0)
+    bend = 2 * here - left - right
+    offset = np.divide(0.5 * (right - left), bend, out=np.zeros(len(path)), where=bend > 0)
     spacing = 0.5 * (speeds[middle + 1] - speeds[middle - 1])
     return np.asarray(speeds[middle] + np.clip(offset, -0.5, 0.5) * spacing)

@@ -84,8 +84,7 @@ class MeshComb:
 
     def shifted(self, shift: float) -> MeshComb:
         """Return the comb of a mesh whose order is higher by `shift`."""
-        numbered = enumerate(self.groups, start=1)
-        groups = tuple(tuple(order + k * shift for order in group) for k, group in numbered)
+        groups = tuple(tuple(x + k * shift for x in own) for k, own in enumerate(self.groups, 1))
         return replace(self, order=self.order + shift, groups=groups)
 
 
@@ -266,8 +265,7 @@ class _JudgedSpectrum:
         return np.asarray(np.log(np.add.reduceat(powers, np.cumsum(sizes) - sizes) / sizes))
 
     def _at(self, orders: FloatArray) -> FloatArray:
-        place = orders / self.bin_order
-        index = np.rint(place, out=place).astype(np.intp)
+        index = np.rint(orders / self.bin_order).astype(np.intp)
         # beyond the last bin its value stands
         return np.asarray(self.quality.take(index, mode="clip"))
 

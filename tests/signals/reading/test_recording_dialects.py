@@ -300,3 +300,21 @@ def test_decimal_commas_with_exponents_under_one_name_are_one_column():
     two = table("a,b\n0,0\n1,5e-162\n").values
     np.testing.assert_array_equal(two, [[0.0, 1.0], [0.0, 5e-162]])
     assert table("0,0\n1,5e-162\n" * 4).values.shape == (2, 8)
+
+
+@pytest.mark.parametrize("names", ["time_s,a,speed_rpm\n", "time_s,a,speed_rpm,\n"])
+@pytest.mark.parametrize("first", [0, 7])
+def test_a_last_column_may_hold_a_number_now_and_then(tmp_path, names, first):
+    end, path = "," if names.endswith(",\n") else "", tmp_path / "bus.csv"
+    told = {row: f"{1500 + row / 100:.2f}" for row in range(first, 3000, 500)}
+    rows = (f"{row / 1000},{row % 7 - 3},{told.get(row, '')}{end}\n" for row in range(3000))
+    path.write_text(names + "".join(rows))
+    found = read_recording(path)
+    assert found.channel_kinds == ("vibration", "speed")
+    inside = slice(first, first + 2501)
+    assert found.samples[1, inside] == pytest.approx(1500 + np.arange(3000)[inside] / 100)
+    assert "lacks a usable number in 2994 of 3000 rows" in found.notes[1]
+    # what is no speed is not made up between two numbers
+    path.write_text(names.replace("speed_rpm", "acc") + path.read_text().split("\n", 1)[1])
+    with pytest.raises(RecordingError, match="lacks a usable number in 2994 of 3000 rows"):
+        read_recording(path)
