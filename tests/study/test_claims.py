@@ -457,3 +457,10 @@ def test_force_from_rest_comes_back_to_what_is_told_at_three_kilograms(results, 
     assert told(findings["7c"], "force_n") == [pytest.approx(settled)]
     least = 1e6 * heavy.waveform.displacement_m.min()
     assert told(findings["7c"], "least_um")[0] == pytest.approx(least)
+
+
+def test_many_sets_at_once_are_judged_by_the_first_which_is_the_reference(results):
+    errors = {(c["method"], c["setting"]): c["error"] for c in results.speed.costs}
+    for (way, order), error in errors.items():
+        if way.startswith("substitution,"):
+            assert error == pytest.approx(errors["substitution", order], rel=1e-6, abs=1e-14)

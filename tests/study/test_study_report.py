@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from reference.computed_study import SHARES
 
 from gearmon.errors import ArgumentError
 from gearmon.report.plots import as_png
@@ -521,3 +522,11 @@ def test_least_force_is_drawn_against_what_was_scanned(results):
         np.testing.assert_allclose(y[inside], scan.least_force[inside])
         firsts = [line.get_xdata()[0] for line in ax.lines if line.get_marker() == "o"]
         assert firsts == ([] if scan.first is None else [pytest.approx(scan.first / scale)])
+
+
+def test_progress_of_the_computation_rises_and_stays_within_the_whole(results):
+    assert results.sweeps
+    assert len(SHARES) >= len(results.sweeps)
+    assert sorted(SHARES) == SHARES
+    assert SHARES[0] >= 0
+    assert SHARES[-1] <= 1
