@@ -13,6 +13,7 @@ from gearmon.errors import ArgumentError, SignatureError
 from gearmon.signals import indicators
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.indicators import indicator_table, read_history, write_history
+from gearmon.signatures.measured.measurement import measure_signature
 
 RAW = {"RMS", "peak to peak", "crest factor", "kurtosis"}
 GEAR = RAW | {
@@ -152,3 +153,10 @@ def test_a_history_of_gears_without_a_residual_is_kept(healthy, tmp_path):
         else:
             with pytest.raises(SignatureError, match=r"finite and >= 0|history of indicators"):
                 read_history(tmp_path / "run.json")
+
+
+def test_lines_are_planned_as_far_as_the_rate_allows_at_the_fastest_speed_looked_for():
+    """Within 0.48 of the rate still 3 % above the nominal speed, and up to the turn below that."""
+    plan = measure_signature(recording(), machine()).plan
+    allowed = 0.48 * 10_000.0 / (2960.0 / 60.0) / 1.03
+    assert allowed - 1.0 < max(map(float, plan.orders)) <= allowed

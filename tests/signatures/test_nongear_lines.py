@@ -30,6 +30,7 @@ from gearmon.signatures.measured.nongear_lines import (
     NonGearLines,
     _Course,
     _highest_within,
+    _noise_grid,
     noise_exceeds,
     nongear_lines,
 )
@@ -277,3 +278,18 @@ def test_lines_are_moved_by_the_rate_at_which_the_speed_changes_whatever_the_dur
     assert course.low == pytest.approx(speed, rel=3e-3)
     assert course.high == pytest.approx(speed * np.exp(rate * duration), rel=3e-3)
     assert course.mean == pytest.approx(turns(duration) / duration, rel=1e-6)
+
+
+def test_a_speed_that_dips_hides_as_much_as_one_that_rises_as_far():
+    track = track_of(lambda time_s: 25.0 * time_s, 4.0, 401)
+    samples = white((2, 24_000), 1.0, seed=2)
+    spectrum = fine_order_spectrum(InAngle.of(samples, RATE_HZ, track), 1)
+    in_time = np.zeros_like(_noise_grid("spectrum", spectrum, _Course(track)).hidden_db)
+    in_time[:, :: max(1, in_time.shape[1] // 7)] = 1e3
+    hidden = []
+    for low, high in ((0.8, 1.0), (1.0, 1.2), (1.0, 1.0)):
+        course = _Course(track)
+        course.low, course.high = low * course.mean, high * course.mean
+        hidden.append(_noise_grid("spectrum", spectrum, course, in_time).hidden_db)
+    np.testing.assert_array_equal(hidden[0], hidden[1])
+    assert hidden[0].mean() > hidden[2].mean()

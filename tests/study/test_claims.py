@@ -439,6 +439,7 @@ def test_numbers_of_the_sweeps_are_those_of_the_values_that_are_named(results, f
     for name, limit in (("above_1khz", 1e3), ("above_10khz", 1e4)):
         above = 100 * lines[place > limit].sum() / lines.sum()
         assert told(findings["10"], name) == [pytest.approx(above)]
+    assert told(findings["10"], "best_hz") == [625.0 * int(np.argmax(lines))]
     second, best = np.sort(lines)[-2:]
     assert told(findings["10"], "runner_up") == [pytest.approx(second / best)]
     power = results.harvested_w
@@ -464,3 +465,13 @@ def test_many_sets_at_once_are_judged_by_the_first_which_is_the_reference(result
     for (way, order), error in errors.items():
         if way.startswith("substitution,"):
             assert error == pytest.approx(errors["substitution", order], rel=1e-6, abs=1e-14)
+
+
+def test_one_start_that_is_off_spoils_the_claim_of_all_starts(results, findings):
+    """By more than a per cent of the largest displacement, whatever the others do."""
+    sweep = results.sweeps["mass_kg"]
+    first, *others = sweep.points
+    off = replace(sweep, points=(replace(first, start_error=0.02), *others))
+    changed = replace(results, sweeps=results.sweeps | {"mass_kg": off})
+    (told,) = (own for own in judge(changed) if own.claim.key == "5b")
+    assert told.verdict != findings["5b"].verdict

@@ -530,3 +530,29 @@ def test_progress_of_the_computation_rises_and_stays_within_the_whole(results):
     assert sorted(SHARES) == SHARES
     assert SHARES[0] >= 0
     assert SHARES[-1] <= 1
+
+
+@pytest.mark.parametrize("picture", PICTURES, ids=lambda picture: picture["name"])
+def test_axes_of_time_phase_and_frequency_hold_what_their_units_allow(results, picture):
+    """Whole mesh periods of 1.6 ms, phases of one or two of them, lines at 0.625 kHz or 26th."""
+    for ax in draw_picture(picture, results).axes:
+        ends = [np.asarray(line.get_xdata(), dtype=float) for line in ax.lines]
+        ends = [x[np.isfinite(x)] for x in ends if len(x) > 3]
+        low, high = (min(x.min() for x in ends), max(x.max() for x in ends)) if ends else (0.0, 0.0)
+        label = ax.get_xlabel() or next(
+            (own.get_xlabel() for own in ax.figure.axes if own.get_shared_x_axes().joined(own, ax)),
+            "",
+        )
+        if "time in ms" in label:
+            assert high == pytest.approx(1.6 * round(high / 1.6), abs=0.01)
+            assert 1.5 < high < 1.6 * 4.01
+            assert low == pytest.approx(1.6 * round(low / 1.6), abs=0.01)
+        elif "mesh phase" in label or "mesh periods" in label:
+            assert 0.0 <= low < 0.01
+            assert round(high) in (1, 2)
+            assert high == pytest.approx(round(high), abs=0.01)
+        elif "kHz" in label:
+            assert low >= 0.0
+            steps = np.concatenate(ends) * 26 / 0.625
+            np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
+            assert np.concatenate(ends).min() <= 0.625 * 2
