@@ -173,3 +173,25 @@ def test_lines_between_those_of_any_mesh_that_is_heard_are_of_another_speed(part
     assert found.finer((0.5,)) == (part == 0.5)
     assert not found.finer(())
     assert not replace(found, evidence=(SimpleNamespace(stands_out=False),) * 2).finer((0.5,))
+
+
+def test_what_stands_out_beside_a_track_is_the_same_from_whichever_turn_it_is_counted():
+    """A short record, whose quarter sets the blocks; angles are counted from anywhere."""
+    case = make_case(0, duration_s=2.0, amount=0.0)
+    signal = track_recording(case.recording, case.machine).signal
+    time = np.linspace(0.0, 2.0, 401)
+    turns = np.interp(
+        time, np.arange(len(case.turns)) / case.recording.sampling_rate_hz, case.turns
+    )
+    turns -= turns[0]
+    near, far = (
+        signal.judged(
+            AngleTrack(time_s=time, turns=turns + begun, method="comb", uncertainty_turns=0.0)
+        )
+        for begun in (0.0, 4096.0)
+    )
+    assert far.detected == near.detected
+    for one, other in zip(near.evidence, far.evidence, strict=True):
+        assert other.score == pytest.approx(one.score, rel=1e-3)
+        assert (other.clear, other.visible) == (one.clear, one.visible)
+    assert far.scan.scores.shape == near.scan.scores.shape

@@ -2,6 +2,7 @@ import math
 import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
+from gearmon.signatures.expected import baseline
 from gearmon.signatures.expected.baseline import expected_signature
 from gearmon.signatures.expected.contact_motion import fourier_sums
 from gearmon.signatures.signature import COLUMNS
@@ -340,3 +342,18 @@ def test_lines_at_uneven_places_are_the_direct_sums(highest):
     direct = np.einsum("cpi,rpi->cr", values, waves)
     found = fourier_sums(turns, values, highest)
     np.testing.assert_allclose(found, direct, atol=1e-12 * np.abs(values).sum())
+
+
+def test_stiffness_and_deviations_of_a_planet_lead_alike(monkeypatch):
+    """A pair brings both along: where they are the same curve they stay the same."""
+    monkeypatch.setattr(baseline, "PeriodicMotion", lambda **parts: SimpleNamespace(**parts))
+    curve = SimpleNamespace(at=lambda phase: np.cos(2 * np.pi * phase + 0.3))
+    leads = np.random.default_rng(0).uniform(0, 1, 4)
+    members = [SimpleNamespace(stiffness=curve, excitation=curve, lead=lead) for lead in leads]
+    mechanics = SimpleNamespace(mesh_frequency_hz=50.0)
+    posed = SimpleNamespace(members=members, mechanics=mechanics, modes=None)
+    grid = SimpleNamespace(phase=np.random.default_rng(1).uniform(0, 1, (5, 6)))
+    found = baseline.periodic_motion(posed, grid)
+    assert found.period_s == 0.02
+    np.testing.assert_array_equal(found.excitation, found.stiffness)
+    assert np.ptp(found.stiffness, axis=1).max() > 0.1

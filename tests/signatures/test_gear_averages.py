@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -171,3 +172,28 @@ def test_signals_on_a_coarser_grid_and_too_coarse_a_one(found):
     assert np.corrcoef(read[:-5], own.signals.residual[0, :-5])[0, 1] > 0.98
     with pytest.raises(ArgumentError, match="per_turn=8 must be above"):
         gear_signals(own.average.lines, own.wheel, per_turn=8)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_mesh_harmonics_of_an_average_are_those_counted_one_by_one(seed):
+    """Of the gear's own meshes all, of any other the first eight that fall on whole multiples."""
+    rng = np.random.default_rng(seed)
+    # few common factors and many: ratios of small whole numbers meet often
+    teeth = rng.choice([12, 16, 18, 20, 24, 36, 40, 48, 60], (3, 2)).tolist()
+    train = train_of(*(ParallelStage(pinion_teeth=z, gear_teeth=w) for z, w in teeth))
+    orders = []
+    turning = Fraction(1)
+    for pinion, gear in teeth:
+        orders.append((turning * pinion, {turning, turning * pinion / gear}))
+        turning = turning * pinion / gear
+    for stage, mesh in enumerate(train.meshes, 1):
+        for wheel in mesh.wheels:
+            own_turn = wheel.exact_relative
+            expected = set()
+            for order, turns in orders:
+                for harmonic in range(1, 700 if own_turn in turns else 9):
+                    multiple = harmonic * order / own_turn
+                    if multiple.denominator == 1 and multiple <= 500:
+                        expected.add(int(multiple))
+            lines = wheel_lines(stage, wheel, train, 500)
+            assert set(lines.number[lines.mesh].tolist()) == expected

@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from reference.small_gearbox import CRACK, as_json, machine, recording
+from reference.synthetic_signals import white
 
 from gearmon.errors import ArgumentError, SignatureError
 from gearmon.signals import indicators
+from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.indicators import indicator_table, read_history, write_history
+from gearmon.signatures.measured.measurement import measure_signature
 
 RAW = {"RMS", "peak to peak", "crest factor", "kurtosis"}
 GEAR = RAW | {
@@ -129,3 +132,31 @@ def test_files_that_are_none_are_refused(tmp_path, text):
 
 def test_table_is_ready_for_json(healthy):
     assert len(as_json(healthy.to_dict())["indicators"]) == len(healthy.rows)
+
+
+def test_where_no_mesh_is_found_no_gear_has_indicators():
+    mute = Recording(samples=white((1, 20_000), 1.0, seed=4), sampling_rate_hz=10_000.0)
+    table = indicator_table(mute, machine())
+    assert {row.indicator for row in table.rows} == RAW
+    assert {row.gear for row in table.rows} == {None}
+
+
+def test_a_history_of_gears_without_a_residual_is_kept(healthy, tmp_path):
+    """A variance of nothing is a variance; what is below nothing or without bound is none."""
+    name = next(iter(healthy.history.variances))
+    for value, fits in ((0.0, True), (1e-30, True), (-1e-30, False), (np.inf, False)):
+        rows = healthy.history.variances[name] * 0.0 + value
+        history = replace(healthy.history, variances=healthy.history.variances | {name: rows})
+        write_history(history, tmp_path / "run.json")
+        if fits:
+            np.testing.assert_array_equal(read_history(tmp_path / "run.json").variances[name], rows)
+        else:
+            with pytest.raises(SignatureError, match=r"finite and >= 0|history of indicators"):
+                read_history(tmp_path / "run.json")
+
+
+def test_lines_are_planned_as_far_as_the_rate_allows_at_the_fastest_speed_looked_for():
+    """Within 0.48 of the rate still 3 % above the nominal speed, and up to the turn below that."""
+    plan = measure_signature(recording(), machine()).plan
+    allowed = 0.48 * 10_000.0 / (2960.0 / 60.0) / 1.03
+    assert allowed - 1.0 < max(map(float, plan.orders)) <= allowed

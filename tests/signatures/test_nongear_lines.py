@@ -26,8 +26,11 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.signals.orders import InAngle, fine_order_spectrum
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 from gearmon.signatures.measured.nongear_lines import (
+    _DELAY_S,
     NonGearLines,
+    _Course,
     _highest_within,
+    _noise_grid,
     noise_exceeds,
     nongear_lines,
 )
@@ -259,3 +262,34 @@ def test_the_highest_about_a_place_is_that_of_the_places_within_reach(reach, mor
     found = _highest_within(values, np.array(reach))
     parts = [values[:, max(0, k - own) : k + own + 1] for k, own in enumerate(reach)]
     np.testing.assert_array_equal(found, np.array([part.max(axis=1) for part in parts]).T)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lines_are_moved_by_the_rate_at_which_the_speed_changes_whatever_the_duration(seed):
+    """A speed that grows as exp(a t) changes by the share a each second throughout."""
+    rng = np.random.default_rng(seed)
+    rate, speed, duration = rng.uniform(0.01, 0.1), rng.uniform(5, 50), rng.uniform(1, 20)
+
+    def turns(time_s):
+        return speed * np.expm1(rate * time_s) / rate
+
+    course = _Course(track_of(turns, duration, 4001))
+    assert course.moved == pytest.approx(rate * _DELAY_S, rel=1e-2)
+    assert course.low == pytest.approx(speed, rel=3e-3)
+    assert course.high == pytest.approx(speed * np.exp(rate * duration), rel=3e-3)
+    assert course.mean == pytest.approx(turns(duration) / duration, rel=1e-6)
+
+
+def test_a_speed_that_dips_hides_as_much_as_one_that_rises_as_far():
+    track = track_of(lambda time_s: 25.0 * time_s, 4.0, 401)
+    samples = white((2, 24_000), 1.0, seed=2)
+    spectrum = fine_order_spectrum(InAngle.of(samples, RATE_HZ, track), 1)
+    in_time = np.zeros_like(_noise_grid("spectrum", spectrum, _Course(track)).hidden_db)
+    in_time[:, :: max(1, in_time.shape[1] // 7)] = 1e3
+    hidden = []
+    for low, high in ((0.8, 1.0), (1.0, 1.2), (1.0, 1.0)):
+        course = _Course(track)
+        course.low, course.high = low * course.mean, high * course.mean
+        hidden.append(_noise_grid("spectrum", spectrum, course, in_time).hidden_db)
+    np.testing.assert_array_equal(hidden[0], hidden[1])
+    assert hidden[0].mean() > hidden[2].mean()

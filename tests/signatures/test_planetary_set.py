@@ -12,6 +12,8 @@ import gearmon
 from gearmon.gears.assembly import drive_train
 from gearmon.gears.kinematics import kinematics
 from gearmon.signatures.expected.mesh import MeshPlace
+from gearmon.signatures.measured.line_plan import line_plan
+from gearmon.signatures.tracking import mesh_combs
 from gearmon.simulation.train import build_train
 from gearmon.simulation.vibration import random_path
 
@@ -269,3 +271,24 @@ def test_modes_that_its_meshes_do_not_feel_are_left_out(monkeypatch):
         one, other = (t[name][own] for t, own in zip((lines, whole), loud, strict=True))
         assert len(one) == len(other) > 100
         assert np.abs(one - other).max() < most * np.abs(other).max()
+
+
+@pytest.mark.parametrize(
+    ("fixed", "driving", "turns"),
+    # Willis: z_s/(z_s + z_r) of the sun, z_r/(z_s + z_r) of the ring
+    [("ring", "sun", 20 / 120), ("sun", "ring", 100 / 120), ("ring", "carrier", 1.0)],
+)
+def test_sidebands_stand_one_carrier_turn_apart_whichever_way_the_carrier_turns(
+    fixed, driving, turns
+):
+    """Tooth contacts on the ring run with the carrier or against it; spacings have no sign."""
+    machine = planetary(20, 40, 100)
+    stage = replace(machine.stages[0], fixed=fixed, driving=driving)
+    train = kinematics(replace(machine, stages=(stage,)))
+    (mesh,) = train.meshes
+    (comb,) = mesh_combs(train, 30.0)
+    assert (mesh.carrier > 0) == (fixed == "ring")
+    assert comb.spacings == pytest.approx((turns,))
+    plan = line_plan(train, 300.0, 0.01, 30.0)
+    # a carrier turn below and above the multiples of every gear that turns
+    assert max(len(own.beside) for own in plan.wheels) == 2

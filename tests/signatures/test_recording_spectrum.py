@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from reference.simulated_machines import two_stages
 from reference.small_gearbox import as_json, machine, recording
+from reference.synthetic_signals import lines_on, white
 
 from gearmon.errors import ArgumentError
+from gearmon.gears.kinematics import kinematics
+from gearmon.signals import spectra
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.line_plan import machine_marks, mark_near
 from gearmon.signatures.recording_spectrum import (
+    _ENVELOPE_LEVELS,
     KINDS,
     highest_peaks,
     order_spectra,
@@ -122,3 +127,34 @@ def test_a_map_has_half_overlapped_blocks_for_two_dozen_rows_of_its_own_shaft(sh
 def test_impossible_orders_are_refused(given, words):
     with pytest.raises(ArgumentError, match=words):
         order_spectra(recording(), machine(), **given)
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_the_envelope_is_that_of_the_band_with_the_highest_kurtosis_of_all_channels(place):
+    """Rare bursts at 500 Hz in one channel, frequent ones at 1700 Hz in the other."""
+    rng = np.random.default_rng(5)
+    samples = 0.01 * rng.standard_normal((2, 16384))
+    burst = np.exp(-np.arange(200) / 25.0)
+    for row, centre, times in ((place, 500.0, 12), (1 - place, 1700.0, 90)):
+        for start in rng.integers(0, 16000, times):
+            wave = burst * np.sin(2 * np.pi * centre * np.arange(200) / RATE)
+            samples[row, start : start + 200] += wave
+    both = Recording(samples=samples, sampling_rate_hz=RATE, units=("m/s2", "m/s2"))
+    low, high, kurtosis = spectra.kurtogram(samples[place], RATE, _ENVELOPE_LEVELS).best
+    other = spectra.kurtogram(samples[1 - place], RATE, _ENVELOPE_LEVELS).best
+    assert kurtosis > 1.5 * other[2]
+    assert high < other[1]
+    (note,) = [own for own in recording_spectrum(both, "envelope").notes if "kurtogram" in own]
+    assert f"kurtogram of {both.channel_names[place]} " in note
+    assert note.startswith(f"band {low:.6g} to {high:.6g} Hz")
+
+
+def test_orders_are_shown_to_a_tenth_above_the_eighth_harmonic_of_the_fastest_mesh():
+    """Of a train of a slow mesh and a fast one, where the sampling rate allows."""
+    train = two_stages()
+    rate, order = 40_000.0, max(own.order for own in kinematics(train).meshes)
+    turns = 25.0 * np.arange(80_000) / rate
+    orders = [own.order * n for own in kinematics(train).meshes for n in (1, 2, 3)]
+    samples = lines_on(turns, orders, 1.0) + white((1, len(turns)), 0.1, seed=1)
+    found = order_spectra(Recording(samples=samples, sampling_rate_hz=rate), train)
+    assert found.place[-1] == pytest.approx(1.1 * 8 * order, rel=1e-2)

@@ -450,3 +450,14 @@ def test_words_and_numbers_of_parts_are_checked(stored, tmp_path, place):
         archive(path, **arrays | {"header": told})
         with pytest.raises(SignatureError, match="cannot be"):
             read_reference(path)
+
+
+@pytest.mark.parametrize("share", [-0.1, -1e-4, 1e-4, 0.1])
+def test_gears_that_turn_faster_or_slower_than_learned_are_refused(share):
+    known = reference()
+    first, *others = known.profiles
+    moved = tuple(replace(own, order=own.order * (1 + share)) for own in first.wheels)
+    assert moved
+    other = replace(known, profiles=(replace(first, wheels=moved), *others))
+    with pytest.raises(ArgumentError, match="learn one for this machine"):
+        machine_notes(machine(), other)

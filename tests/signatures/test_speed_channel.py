@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+from reference.simulated_machines import two_stages
 from reference.speed_cases import make_case
 from scipy.signal import lfilter
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Sensor
-from gearmon.signals.recording import read_recording
-from gearmon.signatures.speed_channels import track_recording
+from gearmon.signals.recording import Recording, read_recording
+from gearmon.signatures.speed_channels import _courses_told, track_recording
 from gearmon.units import speed_factor
 
 CYCLE = (0.45, 0.45, 1.0, 1.05, 0.6, 0.9, 0.9)
@@ -213,3 +215,25 @@ def test_half_the_nominal_speed_is_believed_where_lines_stand_between(seed):
     true_hz = (case.turns[-1] - case.turns[0]) / case.recording.duration_s
     assert found.track.mean_hz == pytest.approx(true_hz, rel=1e-3)
     assert error(case, found) < 0.1
+
+
+def test_a_speed_that_is_held_is_that_of_the_middle_of_its_time():
+    """Then a channel that stands still between its values tells a steady run-up as it is."""
+    rate, held = 1000.0, 250
+    time = np.arange(20_000) / rate
+    true = 20.0 + 0.5 * time
+    middles = 20.0 + 0.5 * (np.arange(0, len(time), held) + 0.5 * held) / rate
+    told = Recording(
+        samples=np.stack([np.zeros(len(time)), 60.0 * np.repeat(middles, held)]),
+        sampling_rate_hz=rate,
+        channel_names=("a1", "speed"),
+        channel_kinds=("vibration", "speed"),
+        units=("m/s2", "rpm"),
+    )
+    signal = SimpleNamespace(machine=two_stages(), nominal_hz=25.0, rate=rate, pace=1.0)
+    courses = [own for name, own in _courses_told(told, signal) if "shaft 1" in name]
+    (course,) = courses
+    inner = slice(2, -2)
+    expected = np.interp(course.time_s, time, true)
+    np.testing.assert_allclose(course.speed_hz[inner], expected[inner], rtol=2e-3)
+    assert abs(np.mean(course.speed_hz[inner] - expected[inner])) < 0.01

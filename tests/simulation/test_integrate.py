@@ -329,3 +329,31 @@ def test_irregular_motion_is_faded_so_that_the_force_stays_continuous(monkeypatc
     jumps = np.abs(result.starts_n[:, chunk::chunk] - result.ends_n[:, chunk - 1 : -1 : chunk])
     assert jumps.shape == (2, 6)
     assert jumps.max() < 1e-3 * result.ends_n.max()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_inputs_that_change_within_a_piece_are_met_where_they_are(seed):
+    """Loads drawn anew at every event, straight between: as an adaptive solver has them."""
+    system, course = two_stage(), parabola_course(2, 1.5e-6, seed=seed)
+    loads = np.random.default_rng(seed).uniform(0.5, 1.5, course.inputs.shape)
+    course = replace(course, inputs=loads)
+    start = np.stack([system.at_rest, np.zeros(3)])
+    found = integrate(system, course, run_in=0, start=start, chunks=1).end_state
+    expected = reference_end(system, course, start)
+    scale = np.abs(system.at_rest).max() * np.array([[1.0], [6e4]])
+    assert np.abs((found - expected) / scale).max() < 1e-5
+
+
+def test_modes_that_strain_one_mesh_decay_with_its_damper():
+    assert single().mesh_decay_rate == pytest.approx(DAMPING / (2 * MASS))
+    assert single().mesh_decay_rate == pytest.approx(single().decay_rate)
+
+
+def test_chunks_within_the_run_in_begin_with_the_start_that_is_given():
+    """Then all of them ring from one blow and nothing is left to repair at their joints."""
+    system, start = single(50.0), moving(2e-5, 0.3)
+    course = constant_course(2e-3)
+    one = integrate(system, course, run_in=0, start=start, chunks=1)
+    several = integrate(system, course, run_in=course.pieces, start=start, chunks=4)
+    assert several.joint_mismatch < 1e-2
+    assert deflection(several) == pytest.approx(deflection(one), rel=1e-3)

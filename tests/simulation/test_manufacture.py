@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from reference.simulated_machines import one_pair
 
 from gearmon.errors import ArgumentError
+from gearmon.gears.faults import GearError
 from gearmon.simulation.contact import (
+    TOLERANCE_USED,
     ideal,
     random_errors,
     runout_tolerance_m,
     single_pitch_tolerance_m,
 )
+from gearmon.simulation.train import build_train
 
 
 @pytest.mark.parametrize(
@@ -62,3 +68,41 @@ def test_deviations_cannot_be_changed():
 def test_grade_out_of_range():
     with pytest.raises(ArgumentError, match=r"accuracy_grade=12.*\[1, 11\]"):
         random_errors(20, 0.04, 0.002, 12, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_errors_that_are_added_are_largest_where_their_phase_says(seed):
+    """At the negated angle from the entry of tooth 1; two eccentricities add as arrows do."""
+    rng = np.random.default_rng(seed)
+    teeth, phase = int(rng.integers(15, 60)), rng.uniform(-np.pi, np.pi)
+    error = GearError(kind="cumulative", stage=1, gear="gear", size_m=1e-5, phase_rad=phase)
+    angle = 2 * np.pi * np.arange(teeth) / teeth
+    arrow = (ideal(teeth).with_error(error).pitch_m * np.exp(1j * angle)).mean() * 2
+    assert arrow == pytest.approx(1e-5 * np.exp(-1j * phase))
+    sizes, phases = rng.uniform(1e-6, 1e-5, 2), rng.uniform(-np.pi, np.pi, 2)
+    own = ideal(teeth)
+    for size, turned in zip(sizes, phases, strict=True):
+        error = replace(error, kind="eccentricity", size_m=size, phase_rad=turned)
+        own = own.with_error(error)
+    added = own.eccentricity_m * np.exp(1j * own.eccentricity_phase_rad)
+    assert added == pytest.approx((sizes * np.exp(1j * phases)).sum())
+
+
+def test_gears_of_a_train_have_the_tolerance_of_their_own_diameter():
+    """Runout between 0.4 and 1 of the share used, of module times teeth over the cosine."""
+    machine = one_pair(13, 97, helix_angle_deg=20.0, face_width_mm=20.0)
+    diameters = 0.002 * np.array([13, 97]) / np.cos(np.radians(20.0))
+    most = [
+        0.5 * TOLERANCE_USED * runout_tolerance_m(diameter, 0.002, 6.0) for diameter in diameters
+    ]
+    drawn = np.array(
+        [
+            [own.eccentricity_m for own in build_train(machine, seed=seed).meshes[0].errors]
+            for seed in range(80)
+        ]
+    )
+    shares = drawn / most
+    assert shares.max() <= 1.0
+    assert shares.min() >= 0.4
+    np.testing.assert_allclose(shares.max(axis=0), 1.0, atol=0.03)
+    np.testing.assert_allclose(shares.min(axis=0), 0.4, atol=0.03)

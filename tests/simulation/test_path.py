@@ -179,3 +179,28 @@ def test_an_unbalance_of_grade_6_3_pulls_with_its_speed():
     amplitude = np.abs(np.fft.rfft(rows)[:, 4]) / 200
     force = ROTOR_SHARE * 6.3e-3 * 2 * np.pi * 20.0
     assert np.sqrt(np.mean(amplitude**2)) == pytest.approx(np.sqrt(2) * force, rel=0.05)
+
+
+def test_unbalance_lies_at_any_angle():
+    """Both quadratures of a shaft line are drawn, alike and each by itself."""
+    turns = np.arange(400) / 100.0
+    lines = np.fft.rfft(shaft_lines(1, [1.0], turns, np.full(400, 20.0), 2000))[:, 4]
+    assert np.std(lines.real) == pytest.approx(np.std(lines.imag), rel=0.1)
+    assert abs(np.corrcoef(lines.real, lines.imag)[0, 1]) < 0.1
+
+
+def test_forces_of_several_stages_are_heard_together():
+    """What the sensors hear of all is the sum of what they hear of each."""
+    path = random_path(3, 2, 3, 5.0)
+    rng = np.random.default_rng(0)
+    spectra = rng.normal(size=(3, 501)) + 1j * rng.normal(size=(3, 501))
+    together = through_path(path, spectra, 1000, 5000.0)
+    alone = sum(
+        through_path(path, spectra * (np.arange(3) == own)[:, None], 1000, 5000.0)
+        for own in range(3)
+    )
+    np.testing.assert_allclose(together, alone, atol=1e-9 * np.abs(alone).max())
+    assert all(
+        through_path(path, spectra * (np.arange(3) == own)[:, None], 1000, 5000.0).std() > 0
+        for own in range(3)
+    )

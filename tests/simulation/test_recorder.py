@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from reference.simulated_machines import one_pair, planetary, two_stages
+from scipy.interpolate import CubicSpline
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import parse_fault
@@ -371,3 +372,45 @@ def test_worn_profiles_move_the_mesh_in_proportion():
 def test_errors_that_cannot_be_simulated_are_refused(error, told):
     with pytest.raises(ArgumentError, match=told):
         simulate(one_pair(), error, 0.3, 5_000.0)
+
+
+def test_truth_of_a_mesh_is_that_of_the_sound_pair_whatever_single_teeth_lose():
+    faults = ["spall:1:pinion:2:40%", "crack:1:gear:3:30%"]
+    sound, hurt = (
+        simulate(one_pair(), own, 0.1, 5_000.0, **QUIET).truth["meshes"][0] for own in ((), faults)
+    )
+    assert hurt == sound
+    assert sound["mean_stiffness_n_per_m"] == pytest.approx(8e8)
+
+
+def test_mean_speed_is_the_turns_over_the_time():
+    """By the instants of whole turns, joined by a spline to both ends of the record."""
+    for seed in range(3):
+        told = simulate(
+            one_pair(), (), 1.0, 4_000.0, seed=seed, **QUIET | {"speed_drift": 0.05}
+        ).truth["speed"]
+        times = np.array(told["turn_times_s"])
+        turns = CubicSpline(times, np.arange(len(times)))
+        assert told["mean_hz"] == pytest.approx(turns(1.0) - turns(0.0), rel=3e-5)
+        assert told["min_hz"] < told["mean_hz"] < told["max_hz"]
+
+
+@pytest.mark.parametrize("shaft", [1, 2, 3])
+def test_flanks_of_the_tacho_last_two_samples_on_every_shaft(shaft):
+    wander = PURE | {"channels": 1, "tacho_shaft": shaft}
+    recording = simulate(two_stages(), (), 2.0, 5_000.0, **wander)
+    volts = recording.samples[-1]
+    rising = np.diff(volts) > 0
+    begun = np.flatnonzero(rising[1:] & ~rising[:-1])
+    climbed = rising.sum() / len(begun)
+    assert climbed == pytest.approx(2.5, abs=0.6)
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"), [("snr_db", -60, 200), ("accuracy_grade", 1, 11), ("slip", -0.2, 0.2)]
+)
+def test_settings_are_taken_up_to_their_ends_and_no_further(name, low, high):
+    for end, beyond in ((low, low - 0.01), (high, high + 0.01)):
+        assert getattr(Settings(**{name: end}), name) == end
+        with pytest.raises(ArgumentError, match=name):
+            Settings(**{name: beyond})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from dataclasses import replace
 from types import SimpleNamespace
@@ -22,7 +23,7 @@ from gearmon.study.claims import (
     rising,
     verdict_of,
 )
-from gearmon.study.pair import POINTS_PER_PERIOD, REFERENCE
+from gearmon.study.pair import POINTS_PER_PERIOD, REFERENCE, SIGNALS
 
 NOT_REPRODUCED = {"3a", "3b", "6e", "7c", "9b"}
 
@@ -239,3 +240,238 @@ def test_rising_and_falling():
     assert not rising([1, 2, 1])
     assert falling([3, 2, 1])
     assert not falling([1, 2])
+
+
+def items(finding, name):
+    """Lines of the evidence that a row of the table, by its name, has made."""
+    (quantity,) = [row[1] for row in finding.claim.numbers if row[0] == name]
+    pattern = re.escape(quantity).replace(r"\{each\}", ".+").replace(r"\{ends\}", ".+")
+    return [item for item in finding.evidence if re.fullmatch(pattern, item.quantity)]
+
+
+def told(finding, name):
+    return [item.ours for item in items(finding, name)]
+
+
+def test_quantities_of_a_sweep_follow_from_its_displacement(results):
+    """Every number by its definition from the lines of the displacement: amplitudes 2 |z_n|."""
+    turn = np.arange(POINTS_PER_PERIOD) / POINTS_PER_PERIOD
+    for sweep in results.sweeps.values():
+        for point in sweep.points:
+            z, problem = point.response.displacement, point.response.problem
+            angular = 2 * np.pi * np.arange(len(z)) / problem.period_s
+            size = 2 * np.abs(z) * (angular > 0)
+            waves = np.exp(2j * np.pi * np.outer(turn, np.arange(len(z))))
+            course = (waves @ np.r_[z[0], 2 * z[1:]]).real
+            shaking = (waves @ (-2 * angular**2 * z)).real
+            energy, line = (angular * size) ** 2 / 2, angular**2 * size
+            expected = {
+                "mean": 1e6 * z[0].real,
+                "swing": 1e6 * np.ptp(course),
+                "velocity": 1e3 * (angular * size).max(),
+                "peak": line.max(),
+                "harmonic": line.argmax(),
+                "in_time_peak": np.abs(shaking).max(),
+                "first_line": line[1] / line.max(),
+                "natural": math.sqrt(problem.stiffness_n_per_m / problem.mass_kg) / (2 * math.pi),
+                "energy": 1e6 * energy.sum(),
+                "centroid": (energy * angular).sum() / energy.sum() / (2 * math.pi),
+                "band": 625.0 * max(np.flatnonzero(energy >= energy.max() / 10)),
+                "strongest": energy.argmax(),
+            }
+            found = {name: QUANTITIES[name](point) for name in expected}
+            # the series of the acceleration converges slowly at the jumps
+            slow = expected.pop("in_time_peak")
+            assert found.pop("in_time_peak") == pytest.approx(slow, rel=1e-2)
+            assert found == pytest.approx(expected, rel=1e-6)
+
+
+def test_decay_is_that_of_mass_and_damping_below_the_critical_one_and_creep_above(results):
+    """The periodic stiffness moves it little: c/(2 m), or the slower root of m s2 + c s + k."""
+    sweep = results.sweeps["damping_ns_per_m"]
+    for damping, point in zip(sweep.values, sweep.points, strict=True):
+        roots = np.roots([REFERENCE.mass_kg, damping, REFERENCE.stiffness_n_per_m])
+        if abs(damping / 29933 - 1) > 0.1:
+            assert QUANTITIES["decay"](point) == pytest.approx(min(-roots.real), rel=0.03)
+
+
+def test_digits_of_the_source_widen_what_is_allowed_by_their_rounding(findings):
+    """The tolerance of the table, and half a last digit over the expected number."""
+    seen = 0
+    for finding in findings.values():
+        for name, _, *rest in finding.claim.numbers:
+            _, known, _, tolerance, rounding = (*rest, *["", None, "", 0.01, 0.0][len(rest) :])
+            for item in items(finding, name) if isinstance(known, float | list) else ():
+                if item.expected:
+                    allowed = tolerance * item.expected + rounding
+                    assert item.tolerance * item.expected == pytest.approx(allowed)
+                    seen += rounding > 0
+    assert seen == 9 + 8
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_free_vibration_of_a_constant_stiffness_has_the_damped_frequency(seed):
+    """Its multiplier tells the frequency up to sign and whole mesh frequencies."""
+    rng = np.random.default_rng(seed)
+    problem = replace(
+        REFERENCE,
+        mass_kg=rng.uniform(0.2, 3.0),
+        damping_ns_per_m=rng.uniform(1e3, 1e4),
+        stiffness_n_per_m=rng.uniform(2e8, 1.2e9),
+    )
+    k, m, c = problem.stiffness_n_per_m, problem.mass_kg, problem.damping_ns_per_m
+    root = -c / (2 * m) + 1j * math.sqrt(k / m - (c / (2 * m)) ** 2)
+    for own in (root, root.conjugate()):
+        multipliers = np.exp(own * problem.period_s * np.array([1, 1]))
+        response = SimpleNamespace(problem=problem, floquet_multipliers=multipliers)
+        results = SimpleNamespace(reference=SimpleNamespace(response=response))
+        assert claims._free_frequency_hz(results) == pytest.approx(root.imag / (2 * math.pi))
+        decay = claims._slowest_decay(SimpleNamespace(response=response))
+        assert decay == pytest.approx(c / (2 * m))
+
+
+@pytest.mark.parametrize("damping", [None, 432.1])
+@pytest.mark.parametrize("eps", [None, 0.65])
+@pytest.mark.parametrize("mass", [None, 12.34])
+def test_what_never_parts_the_teeth_is_said_of_each_parameter_by_itself(mass, eps, damping):
+    scans = [SimpleNamespace(first=own, values=np.array([90.0, 30.0])) for own in (mass, eps)]
+    scan = SimpleNamespace(first=damping, values=np.array([90e3, 30.0]))
+    contact = SimpleNamespace(mass=scans[0], variation=scans[1], damping=scan)
+    said = claims._where_lost(SimpleNamespace(contact=contact))
+    assert ("would have to reach 12.3 kg" in said) is (mass is not None)
+    assert ("No mass in the range" in said) is (mass is None)
+    assert ("eps would have to reach 0.65" in said) is (eps is not None)
+    assert ("no eps is large enough" in said) is (eps is None)
+    assert ("damping fall to 432 N s/m" in said) is (damping is not None)
+    assert ("no damping down to 30 N s/m does it" in said) is (damping is None)
+
+
+def test_run_times_are_compared_with_the_fastest_simulation_as_accurate(results, findings):
+    """Milliseconds and ratios made anew from the costs, one set and 500 at once."""
+    costs = results.speed.costs
+    simulations = [c for c in costs if c["method"] in ("RK45", "DOP853", "LSODA")]
+
+    def rival(cost):
+        times = [c["median_s"] for c in simulations if c["error"] <= cost["error"]]
+        return min(times, default=None)
+
+    alone = {c["setting"]: c for c in costs if c["method"] == "substitution"}
+    many = {c["setting"]: c for c in costs if c["method"] == "substitution, 500 sets at once"}
+    matched = [order for order, cost in alone.items() if rival(cost)]
+    finest = min(matched, key=lambda order: alone[order]["error"])
+    orders = dict.fromkeys(order for order in ("2", finest) if order in matched)
+    chosen = [alone[order] for order in orders]
+    own = told(findings["11"], "own")
+    assert own == pytest.approx([1e3 * cost["median_s"] for cost in chosen])
+    ratios = [rival(cost) / cost["median_s"] for cost in chosen]
+    assert told(findings["11"], "ratios") == pytest.approx(ratios)
+    at_once = [rival(alone[order]) / many[order]["median_s"] for order in orders]
+    assert told(findings["11"], "at_once") == pytest.approx(at_once)
+    rivals = {rival(cost) for cost in chosen}
+    told_ms = [
+        item.ours
+        for item in items(findings["11"], "rivals")
+        if not item.quantity.startswith("new solution")
+    ]
+    assert sorted(told_ms) == pytest.approx([1e3 * own for own in sorted(rivals)])
+    anew = min(c["median_s"] for c in costs if c["method"].startswith("new solution"))
+    assert told(findings["11"], "anew_ms") == pytest.approx([1e3 * anew])
+
+
+def test_forms_that_jump_are_compared_by_their_harmonics_10_to_40(findings):
+    """RSS of the lines by sums over a fine mesh period, of parabola, wave and rectangle."""
+    turn = (np.arange(1 << 14) + 0.5) / (1 << 14)
+    rss, first = [], []
+    for key, signal in SIGNALS.items():
+        if key == "fourier-half":
+            continue
+        lines = np.abs(np.fft.rfft(signal.shape(turn)))
+        first.append(lines[1])
+        if key != "fourier":
+            rss.append(math.sqrt((lines[10:41] ** 2).sum()))
+    assert told(findings["2"], "jumpers") == pytest.approx([max(rss) / min(rss)], rel=2e-3)
+    assert told(findings["2"], "first") == pytest.approx([max(first) / min(first)], rel=2e-3)
+
+
+def test_mesh_force_jumps_by_what_the_stiffness_jumps_times_the_deflection(results, findings):
+    """The deflection cannot jump: 2 eps k0 z, up at phase 0 and down at phase 0.412."""
+    motion = results.forms["rectangular"].simulated
+    z = motion.displacement_m[-1001:-1]
+    for name, place, sign in (("entering", 0, 1), ("leaving", 412, -1)):
+        jump = sign * 2 * 0.13 * 0.8e9 * z[place]
+        assert told(findings["4"], name) == [pytest.approx(jump, rel=0.05)]
+    force = motion.mesh_force_n[-1001:-1]
+    assert told(findings["4"], "two_carry") == [pytest.approx(force[:412].mean())]
+    assert told(findings["4"], "one_carries") == [pytest.approx(force[412:].mean())]
+    # two pairs share evenly: one goes from half of the force before to all of that after
+    assert told(findings["4"], "one_pair") == [pytest.approx(force[412] - force[411] / 2)]
+    before = motion.mesh_force_n[-2001:-1001]
+    assert told(findings["4"], "repeat") == [pytest.approx(np.abs(force - before).max() / 4e3)]
+
+
+def test_errors_of_the_starts_are_told_in_percent_of_those_that_were_expanded(results, findings):
+    points = [point for sweep in results.sweeps.values() for point in sweep.points]
+    off = [
+        np.abs(point.start_error) * 100
+        for point in points
+        if not 0.95 < point.response.problem.damping_ratio < 1.05
+    ]
+    assert told(findings["5b"], "worst") == [pytest.approx(max(off))]
+    assert told(findings["5b"], "left") == [len(points) - len(off)]
+    assert told(findings["5b"], "own") == [pytest.approx(100 * results.reference.start_error)]
+
+
+def test_numbers_of_the_sweeps_are_those_of_the_values_that_are_named(results, findings):
+    """Below 0.6 kg, from 1.5 kg on, 0.2 to 1 kg, up to 18 kN s/m; the harvester by its lines."""
+    mass = results.sweeps["mass_kg"]
+    peak = {v: p.acceleration_lines.max() for v, p in zip(mass.values, mass.points, strict=True)}
+    assert told(findings["7b"], "light") == [min(peak[v] for v in (0.2, 0.28, 0.4))]
+    assert told(findings["7b"], "heavy") == [max(peak[v] for v in (1.5, 2.0, 2.5, 3.0))]
+    energy = [1e6 * p.response.energy_lines.sum() for p in mass.points]
+    near = sum(energy[:5]) / 5
+    assert told(findings["9c"], "near") == [pytest.approx(near)]
+    damping = results.sweeps["damping_ns_per_m"]
+    line = [p.acceleration_lines.max() for p in damping.points]
+    share = 100 * (line[0] - line[5]) / (max(line) - min(line))
+    assert told(findings["8c"], "share") == [pytest.approx(share)]
+    lines = results.reference.response.energy_lines
+    place = 625.0 * np.arange(len(lines))
+    for name, limit in (("above_1khz", 1e3), ("above_10khz", 1e4)):
+        above = 100 * lines[place > limit].sum() / lines.sum()
+        assert told(findings["10"], name) == [pytest.approx(above)]
+    assert told(findings["10"], "best_hz") == [625.0 * int(np.argmax(lines))]
+    second, best = np.sort(lines)[-2:]
+    assert told(findings["10"], "runner_up") == [pytest.approx(second / best)]
+    power = results.harvested_w
+    assert told(findings["12b"], "power_mw") == [pytest.approx(1e3 * max(power))]
+    assert told(findings["12b"], "best_hz") == [625.0 * (1 + int(np.argmax(power)))]
+    assert told(findings["12b"], "energy_hz") == [625.0 * int(lines[: len(power) + 1].argmax())]
+
+
+def test_force_from_rest_comes_back_to_what_is_told_at_three_kilograms(results, findings):
+    """The least mesh force after its first peak, and in the settled vibration."""
+    heavy = results.sweeps["mass_kg"].points[-1]
+    force = heavy.start.mesh_force_n
+    peak = int(np.argmax(force[:POINTS_PER_PERIOD]))
+    assert told(findings["7c"], "after_n") == [pytest.approx(force[peak:].min())]
+    settled = heavy.waveform.mesh_force_n.min()
+    assert told(findings["7c"], "force_n") == [pytest.approx(settled)]
+    least = 1e6 * heavy.waveform.displacement_m.min()
+    assert told(findings["7c"], "least_um")[0] == pytest.approx(least)
+
+
+def test_many_sets_at_once_are_judged_by_the_first_which_is_the_reference(results):
+    errors = {(c["method"], c["setting"]): c["error"] for c in results.speed.costs}
+    for (way, order), error in errors.items():
+        if way.startswith("substitution,"):
+            assert error == pytest.approx(errors["substitution", order], rel=1e-6, abs=1e-14)
+
+
+def test_one_start_that_is_off_spoils_the_claim_of_all_starts(results, findings):
+    """By more than a per cent of the largest displacement, whatever the others do."""
+    sweep = results.sweeps["mass_kg"]
+    first, *others = sweep.points
+    off = replace(sweep, points=(replace(first, start_error=0.02), *others))
+    changed = replace(results, sweeps=results.sweeps | {"mass_kg": off})
+    (told,) = (own for own in judge(changed) if own.claim.key == "5b")
+    assert told.verdict != findings["5b"].verdict

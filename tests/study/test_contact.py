@@ -34,3 +34,10 @@ def test_unstable_means_no_contact():
     mass = 8e8 * (2 * 1.6e-3 / (2 * np.pi)) ** 2
     unstable = replace(REFERENCE, mass_kg=mass, damping_ns_per_m=10.0)
     assert least_force(unstable) == -np.inf
+
+
+def test_every_scan_begins_at_its_harmless_end(results):
+    """Light, well damped or little varied: there the force is farther from zero."""
+    for scan in (results.contact.mass, results.contact.damping, results.contact.variation):
+        assert scan.least_force[0] > scan.least_force[-1]
+        assert scan.least_force[0] > 0

@@ -6,25 +6,30 @@ import csv
 import json
 import re
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from reference.computed_study import SHARES
 
 from gearmon.errors import ArgumentError
 from gearmon.report.plots import as_png
 from gearmon.study import report as telling
 from gearmon.study import write_study
 from gearmon.study.claims import Evidence
-from gearmon.study.pair import REFERENCE, SIGNALS
+from gearmon.study.experiments import LOSSES, SWEEPS
+from gearmon.study.pair import POINTS_PER_PERIOD, REFERENCE, SIGNALS, series
 from gearmon.study.report import (
     FIGURES,
     PICTURES,
+    claim_rows,
     decibels,
     draw_picture,
     shades,
     shown_difference,
     shown_number,
+    sweep_rows,
     write_results,
 )
 
@@ -267,3 +272,287 @@ def test_the_mesh_force_is_drawn_in_kilonewtons_and_by_its_lines(results):
     shown = level > 0
     np.testing.assert_allclose(marks.get_xdata(), 0.625 * (1 + np.flatnonzero(shown)))
     np.testing.assert_allclose(marks.get_ydata(), level[shown])
+
+
+def test_claims_table_holds_every_number_behind_every_claim(report):
+    """Row by row, with the difference and the agreement worked out from the two numbers."""
+    rows = iter(claim_rows(report.judged))
+    for entry in report.judged:
+        for item in entry.evidence:
+            row = next(rows)
+            said = (entry.claim.key, entry.claim.text, entry.claim.where)
+            assert (row["claim"], row["text"], row["where"]) == said
+            assert (row["verdict"], row["reason"]) == (entry.verdict, entry.reason)
+            assert (row["quantity"], row["unit"]) == (item.quantity, item.unit)
+            assert (row["source"], row["tolerance"]) == (item.source, item.tolerance)
+            assert row["ours"] == item.ours or np.isnan(item.ours)
+            assert row["expected"] == item.expected
+            if item.expected is None:
+                assert (row["difference"], row["agrees"]) == (None, None)
+                continue
+            off = item.ours - item.expected
+            off /= item.expected or 1.0
+            assert row["difference"] == pytest.approx(off, abs=1e-15)
+            assert row["agrees"] is bool(abs(off) <= item.tolerance)
+    assert next(rows, None) is None
+
+
+def test_sweeps_table_follows_from_equation_and_lines(results):
+    """One row for each value, its columns by closed forms and sums over the displacement lines."""
+    expected = [(name, value) for name, (*_, values) in SWEEPS.items() for value in values]
+    rows = sweep_rows(results)
+    assert [(row["parameter"], row["value"]) for row in rows] == expected
+    points = [point for sweep in results.sweeps.values() for point in sweep.points]
+    turn = np.arange(POINTS_PER_PERIOD) / POINTS_PER_PERIOD
+    for row, point in zip(rows, points, strict=True):
+        own = {
+            "stiffness_n_per_m": REFERENCE.stiffness_n_per_m,
+            "mass_kg": REFERENCE.mass_kg,
+            "damping_ns_per_m": REFERENCE.damping_ns_per_m,
+        } | {row["parameter"]: row["value"]}
+        k, m, c = own.values()
+        z = point.response.displacement
+        angular = 2 * np.pi * 625.0 * np.arange(len(z))
+        size = np.where(angular > 0, 2 * np.abs(z), 0.0)
+        energy = (angular * size) ** 2 / 2
+        waves = np.exp(2j * np.pi * np.outer(turn, np.arange(len(z))))
+        course, speed = ((waves @ (f * np.r_[z[0], 2 * z[1:]])).real for f in (1, 1j * angular))
+        stiffness = k * (1 + series(REFERENCE.stiffness_harmonics)(turn))
+        told = {
+            "natural_frequency_hz": np.sqrt(k / m) / (2 * np.pi),
+            "damping_ratio": c / (2 * np.sqrt(k * m)),
+            "mean_displacement_m": z[0].real,
+            "displacement_swing_m": course.max() - course.min(),
+            "least_displacement_m": course.min(),
+            "least_mesh_force_n": (stiffness * course + c * speed).min(),
+            "peak_acceleration_ms2": (angular**2 * size).max(),
+            "peak_harmonic": np.argmax(angular**2 * size),
+            "total_energy_j_per_kg": energy.sum(),
+            "total_energy_j": m * energy.sum(),
+            "mean_energy_frequency_hz": (energy * angular).sum() / energy.sum() / (2 * np.pi),
+            "energy_band_hz": 625.0 * max(np.flatnonzero(energy >= 0.1 * energy.max())),
+            "start_error": point.start_error,
+            "error_bound": point.response.error_bound,
+        }
+        assert {name: row[name] for name in told} == pytest.approx(told, rel=1e-6)
+        assert row["start_method"] == point.start_method
+
+
+def test_table_of_figures_names_the_files_of_the_pictures(report):
+    with (report.page.parent / "figures.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["figure"]) for row in rows] == list(range(1, 37))
+    written = {path.name for path in report.files}
+    for row in rows:
+        assert row["picture"] in written
+        picture = NAMED[row["picture"].removesuffix(".png")]
+        assert int(row["figure"]) in picture["figures"]
+        assert row["title"] == picture["title"]
+
+
+def test_what_is_found_stands_indented_under_its_claim(report):
+    """A line begins with a key or with the margin that the verdicts leave."""
+    margin = " " * 23
+    claims_told = report.lines()[: report.lines().index("")]
+    heads = [line for line in claims_told if not line.startswith(margin)]
+    assert [line.split()[0] for line in heads] == [entry.claim.key for entry in report.judged]
+    assert all(line[23] != " " for line in claims_told)
+
+
+OVER_TIME = [
+    (picture["name"], number, *panel)
+    for picture in PICTURES
+    if picture.get("drawing", [""])[0] == "over_time"
+    for number, panel in enumerate(panel for row in picture["drawing"][3] for panel in row)
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "quantity", "when", "title", "limits"),
+    [(*panel[:5], panel[5:]) for panel in OVER_TIME],
+)
+def test_curves_over_time_are_the_part_that_is_named(
+    results, name, number, quantity, when, title, limits
+):
+    """First mesh period, the three after it, or one settled: in ms from rest or in mesh periods."""
+    sweep = results.sweeps[NAMED[name]["drawing"][1]]
+    ax = draw_picture(NAMED[name], results).axes[number]
+    assert ax.get_title(loc="left") == title
+    field, factor, unit = {
+        "displacement": ("displacement_m", 1e6, "µm"),
+        "velocity": ("velocity_ms", 1e3, "mm/s"),
+        "acceleration": ("acceleration_ms2", 1.0, "m/s²"),
+    }[quantity]
+    low, high, time = {
+        "first": (0.0, 1.6, "time in ms"),
+        "later": (1.6, 6.4, "time in ms"),
+        "settled": (0.0, 1.0, "mesh phase in mesh periods"),
+    }[when]
+    assert ax.get_ylabel().endswith(unit)
+    assert ax.get_xlabel() == time
+    assert len(ax.lines) == len(sweep.points)
+    for line, point in zip(ax.lines, sweep.points, strict=True):
+        x, y = line.get_data()
+        step = (high - low) / (3 if when == "later" else 1) / POINTS_PER_PERIOD
+        assert (x[0], x[-1]) == pytest.approx((low, high), abs=1.01 * step)
+        if when == "settled":
+            kind = field.split("_")[0]
+            true = point.response.at(np.asarray(x) * 1.6e-3, kind)
+            np.testing.assert_allclose(y, factor * true, atol=1e-6 * np.ptp(y))
+        else:
+            whole = getattr(point.start, field)
+            true = np.interp(1e-3 * np.asarray(x), point.start.time_s, whole)
+            np.testing.assert_allclose(y, factor * true, atol=1e-9 * np.ptp(whole) * factor)
+    if limits:
+        assert ax.get_xlim() == tuple(limits)
+    names = [text.get_text() for text in ax.figure.legends[0].get_texts()]
+    assert names[: len(sweep.shown)] == sweep.shown
+
+
+def test_stiffness_forms_are_drawn_in_giganewtons_over_two_mesh_periods(results):
+    axes = draw_picture(NAMED["stiffness_forms"], results).axes
+    for ax, key in zip(axes, SIGNALS, strict=False):
+        assert ax.get_title(loc="left") == f"Fig. 1, {SIGNALS[key].label}"
+        line = next(own for own in ax.lines if own.get_label() == SIGNALS[key].label)
+        phase, stiffness = map(np.asarray, line.get_data())
+        assert (phase[0], phase[-1]) == pytest.approx((0.0, 2.0), abs=1e-3)
+        half = len(phase) // 2
+        np.testing.assert_allclose(stiffness[:half], stiffness[half:], rtol=1e-9)
+        assert stiffness.mean() == pytest.approx(0.8, rel=1e-3)
+        if key == "rectangular":
+            assert np.ptp(stiffness) == pytest.approx(0.8 * 2 * 0.13)
+            assert (stiffness[:half] > 0.8).mean() == pytest.approx(0.412, abs=1e-3)
+
+
+def test_responses_fill_two_thirds_of_their_axes_once_settled(results):
+    """Velocity and acceleration are scaled by the largest settled value, of either sign."""
+    axes = np.array(draw_picture(NAMED["form_responses"], results).axes).reshape(3, 3)
+    for row, field, factor in ((1, "velocity_ms", 1e3), (2, "acceleration_ms2", 1.0)):
+        largest = max(
+            np.abs(factor * getattr(results.forms[key].simulated, field)[-1001:-1]).max()
+            for key in ("wave", "rectangular", "fourier")
+        )
+        for ax in axes[row]:
+            assert ax.get_ylim() == pytest.approx((-1.5 * largest, 1.5 * largest))
+
+
+def test_orders_are_drawn_with_their_error_over_the_exact_motion(results):
+    together, error, of_order, of_eps = draw_picture(NAMED["orders"], results).axes
+    *orders, exact = (np.asarray(line.get_ydata()) for line in together.lines)
+    phase = np.asarray(together.lines[0].get_xdata())
+    np.testing.assert_allclose(exact, 1e6 * results.reference.response.at(1.6e-3 * phase))
+    study = results.orders
+    assert len(orders) == 3
+    for number, (curve, line) in enumerate(zip(orders, error.lines, strict=False)):
+        np.testing.assert_allclose(line.get_ydata(), curve - exact, atol=1e-12)
+        off = np.abs(curve - exact).max() / np.abs(exact).max()
+        assert off == pytest.approx(study.displacement_errors[number], rel=1e-2)
+    for line, values in zip(
+        of_order.lines, (study.displacement_errors, study.acceleration_errors), strict=True
+    ):
+        np.testing.assert_allclose(line.get_xdata(), range(len(values)))
+        np.testing.assert_allclose(line.get_ydata(), values)
+    for number, line in enumerate(of_eps.lines):
+        eps, off = map(np.asarray, line.get_data())
+        np.testing.assert_allclose(off, study.errors_of_variation[:, number])
+        slope = np.polyfit(np.log(eps), np.log(off), 1)[0]
+        assert slope == pytest.approx(number + 1, abs=0.1)
+        assert line.get_label() == f"order {number}: slope {slope:.2f}"
+
+
+def test_harvested_power_stands_at_the_line_it_is_taken_from(results):
+    """In mW over kHz, with the best line named over it."""
+    upper, lower = draw_picture(NAMED["energy_of_reference"], results).axes
+    (marks,) = (line for line in lower.lines if line.get_marker() == "o")
+    x, y = map(np.asarray, marks.get_data())
+    number = np.rint(x / 0.625).astype(int)
+    np.testing.assert_allclose(x, 0.625 * number)
+    assert number[0] == 1
+    np.testing.assert_allclose(y, 1e3 * results.harvested_w[number - 1])
+    energy = 1e6 * results.reference.response.energy_lines
+    best = int(energy.argmax())
+    words = [text.get_text() for text in upper.texts]
+    assert f"best: {625 * best} Hz, {energy[best]:.1f} µJ/kg" in words
+    third = [line.get_ydata()[0] for line in upper.lines if line.get_ls() == "--"]
+    assert third == pytest.approx([energy[best] / 3])
+    limits = [line.get_xdata()[0] for line in upper.lines if line.get_ls() == ":"]
+    assert limits == pytest.approx([1.0, 10.0])
+
+
+def test_sidebands_are_the_lines_between_multiples_of_the_pinion_teeth(results):
+    left, right = draw_picture(NAMED["damage"], results).axes
+    response = results.damage.responses[LOSSES.index(0.05)]
+    level = 20 * np.log10(2 * np.abs(response.acceleration[1:]))
+    number = np.arange(1, len(level) + 1)
+    (marks,) = (line for line in left.lines if line.get_marker() == "o")
+    x, y = map(np.asarray, marks.get_data())
+    drawn = (number % 26 == 0) & (level > -40) & (number * 0.625 / 26 <= 25.0)
+    np.testing.assert_allclose(x, number[drawn] * 0.625 / 26)
+    np.testing.assert_allclose(y, level[drawn])
+    between = (number % 26 != 0) & (level > -40) & (number * 0.625 / 26 <= 25.0)
+    (stems,) = (own for own in left.collections if own.get_label() == "sidebands")
+    ends = np.array([segment[1] for segment in stems.get_segments()])
+    np.testing.assert_allclose(ends[:, 0], number[between] * 0.625 / 26)
+    np.testing.assert_allclose(ends[:, 1], level[between])
+    np.testing.assert_allclose(right.lines[0].get_xdata(), [1, 2, 5, 10, 20])
+    np.testing.assert_allclose(right.lines[0].get_ydata(), results.damage.levels_db)
+
+
+def test_run_times_are_drawn_in_milliseconds_without_ways_that_have_no_error(results):
+    costs = [dict(cost) for cost in results.speed.costs]
+    costs[0]["error"] = 0.0
+    speed = replace(results.speed, costs=costs)
+    (ax,) = draw_picture(NAMED["speed"], replace(results, speed=speed)).axes
+    drawn = [point for line in ax.lines for point in line.get_xydata().tolist()]
+    asked = [[cost["error"], 1e3 * cost["median_s"]] for cost in costs[1:]]
+    assert sorted(drawn) == [pytest.approx(own) for own in sorted(asked)]
+    assert ax.get_ylabel() == "time in ms"
+    ways = {line.get_label().removeprefix("simulation, SciPy ") for line in ax.lines}
+    assert ways == {cost["method"] for cost in costs}
+
+
+def test_least_force_is_drawn_against_what_was_scanned(results):
+    """Mass in kg, damping in kN s/m and eps; a point where contact is lost first."""
+    study, axes = results.contact, draw_picture(NAMED["contact"], results).axes
+    scans = ((study.mass, 1.0), (study.damping, 1e3), (study.variation, 1.0))
+    for ax, (scan, scale) in zip(axes, scans, strict=False):
+        x, y = map(np.asarray, ax.lines[0].get_data())
+        np.testing.assert_allclose(x, scan.values / scale)
+        inside = scan.least_force > -1.0
+        np.testing.assert_allclose(y[inside], scan.least_force[inside])
+        firsts = [line.get_xdata()[0] for line in ax.lines if line.get_marker() == "o"]
+        assert firsts == ([] if scan.first is None else [pytest.approx(scan.first / scale)])
+
+
+def test_progress_of_the_computation_rises_and_stays_within_the_whole(results):
+    assert results.sweeps
+    assert len(SHARES) >= len(results.sweeps)
+    assert sorted(SHARES) == SHARES
+    assert SHARES[0] >= 0
+    assert SHARES[-1] <= 1
+
+
+@pytest.mark.parametrize("picture", PICTURES, ids=lambda picture: picture["name"])
+def test_axes_of_time_phase_and_frequency_hold_what_their_units_allow(results, picture):
+    """Whole mesh periods of 1.6 ms, phases of one or two of them, lines at 0.625 kHz or 26th."""
+    for ax in draw_picture(picture, results).axes:
+        ends = [np.asarray(line.get_xdata(), dtype=float) for line in ax.lines]
+        ends = [x[np.isfinite(x)] for x in ends if len(x) > 3]
+        low, high = (min(x.min() for x in ends), max(x.max() for x in ends)) if ends else (0.0, 0.0)
+        label = ax.get_xlabel() or next(
+            (own.get_xlabel() for own in ax.figure.axes if own.get_shared_x_axes().joined(own, ax)),
+            "",
+        )
+        if "time in ms" in label:
+            assert high == pytest.approx(1.6 * round(high / 1.6), abs=0.01)
+            assert 1.5 < high < 1.6 * 4.01
+            assert low == pytest.approx(1.6 * round(low / 1.6), abs=0.01)
+        elif "mesh phase" in label or "mesh periods" in label:
+            assert 0.0 <= low < 0.01
+            assert round(high) in (1, 2)
+            assert high == pytest.approx(round(high), abs=0.01)
+        elif "kHz" in label:
+            assert low >= 0.0
+            steps = np.concatenate(ends) * 26 / 0.625
+            np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
+            assert np.concatenate(ends).min() <= 0.625 * 2
