@@ -12,6 +12,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from gearmon import __version__
+from gearmon.errors import counted
 from gearmon.files import rows_as_csv as rows_as_csv
 
 if TYPE_CHECKING:
@@ -230,6 +231,7 @@ def template(name: str, package: str = "gearmon.report", **known: Any) -> Templa
         "made": datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z"),
         "version": __version__,
         "signs": {verdict: sign for verdict, (_, _, sign) in VERDICT_STYLE.items()},
+        "counted": counted,
         "wording": sys.modules[__name__],
         "table": lambda rows: "\n".join(table_lines(rows)),
     }
