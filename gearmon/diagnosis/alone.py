@@ -173,9 +173,8 @@ def mesh_lost(found: Analysis, evidence: Evidence) -> Analysis:
         The deviation from the healthy machine.
     """
     broadband = evidence.deviation.broadband
-    if broadband is None:
-        return found
-    strength, gain = broadband_strength(broadband), float(np.median(broadband.gain_db))
+    gain = 0.0 if broadband is None else float(np.median(broadband.gain_db))
+    strength = broadband_strength(broadband)
     if gain > _LOUD_DB:
         strength = max(strength, LIMITS.fault)
     probability = evidence.chance(comparable(strength))
@@ -194,7 +193,11 @@ def mesh_lost(found: Analysis, evidence: Evidence) -> Analysis:
         flags = (Flag(kind="mesh lost", false_alarm_probability=probability, evidence=why),)
         told = fault_sentence(flags)
     else:
-        return found
+        told = (
+            "The healthy recordings show a gear mesh that this one does not: gross damage, or a "
+            "machine that runs at another speed than its file says. Record again."
+        )
+        return replace(found, reason=f"{told} {found.reason}")
     return replace(
         found,
         verdict="fault" if flags else "cannot tell",

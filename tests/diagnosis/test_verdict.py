@@ -456,7 +456,7 @@ def test_sentences_begin_with_the_most_striking():
     ("noise", "gain_db", "verdict", "told"),
     [
         (0.0, -30.0, "cannot tell", "30 dB quieter"),
-        (0.0, -15.0, "no mesh found", "No gear mesh"),
+        (0.0, -15.0, "no mesh found", "that this one does not"),
         (3.0, -15.0, "fault", "is gone"),
         (2.0, -15.0, "fault", "is gone"),
         (3.0, -21.0, "cannot tell", "stood still"),

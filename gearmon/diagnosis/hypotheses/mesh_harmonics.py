@@ -72,9 +72,9 @@ _WIDER, _ASTRAY, _NEPERS, _BY_FACTORS = 3.0, 0.2, 8.0, 7.0
 # adds over what the least loss is expected to: any factor, one for all harmonics and channels, up
 # to half as much again as the loss of all. Channels hear the same event, and count there as the
 # root of their number. Of cracks on either gear of a common shaft the right one is blamed in 23 of
-# 25 of `gearmon.simulation` and 71 of 72 of the lumped machines of `gearmon.benchmark`, as computed
-# teeth alone are to 23 and 72; where a dip in amplitude and phase and impacts stand for the damage
-# (30 drawn machines with other paths for the impacts) in 109 of 122, by computed teeth alone in 51.
+# 25 of `gearmon.simulation` and 71 of 72 of the lumped machines of `gearmon.benchmark`, by computed
+# teeth alone in 23 and 72; where a dip in amplitude and phase and impacts stand for the damage (31
+# drawn machines with other paths for the impacts) in 109 of 122, by computed teeth alone in 51.
 # Probabilities of 0.5 to 0.9 make it 22 to 23, 71 to 72 and 107 to 112.
 _AS_COMPUTED = 0.8
 _FACTORS = np.exp(np.linspace(0.0, 5.0, 32)[:, None] + 2j * np.pi / 24 * np.arange(24))
