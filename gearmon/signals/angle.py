@@ -117,7 +117,7 @@ class AngleTrack:
         return replace(self, time_s=time - start_s, turns=self.turns_at(time))
 
     def moved(
-        self, knots: FloatArray, turns_of: Callable[[FloatArray], FloatArray], uncertainty: float
+        self, knots: FloatArray, turns_of: Callable[[FloatArray], FloatArray], doubt: float
     ) -> AngleTrack:
         """Return the track with other angles at the same times.
 
@@ -127,15 +127,13 @@ class AngleTrack:
             Angles of this track at which it gets knots, beside its ends [turns], ascending.
         turns_of : callable
             Gives what is to stand in the place of angles [turns].
-        uncertainty : float
-            Of the result [turns].
+        doubt : float
+            Uncertainty of the result [turns].
         """
         first, last = self.turns[[0, -1]]
         angle = np.concatenate([[first], knots[(knots > first) & (knots < last)], [last]])
         time_s, turns = self.time_at(angle), turns_of(angle)
-        return replace(
-            self, time_s=time_s, turns=turns, uncertainty_turns=uncertainty, indexed=False
-        )
+        return replace(self, time_s=time_s, turns=turns, uncertainty_turns=doubt, indexed=False)
 
     def time_at(self, turns: FloatArray) -> FloatArray:
         """Time [s] at the given angles [turns]; linear beyond the ends."""

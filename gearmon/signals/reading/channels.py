@@ -253,11 +253,9 @@ def _judged(table: Table, index: int, defect: Defect | None) -> tuple[bool, str]
             f"{table.path}, {note}: {shown} is {defect.missing}; the column {defect.text}; "
             "correct the file, or name the channels to use with --channel"
         )
-    if column.kind == "speed" and not defect.fatal and defect.missing == "no number":
+    if column.kind == "speed" and defect.missing and not defect.fatal:
         # a bus tells the speed ten times a second or so, and leaves the rows between empty
-        from pandas import Series
-
-        table.values[index] = Series(table.values[index]).interpolate(limit_direction="both")
+        table.go_straight(index)
         return False, f"{column.label} {defect.text}: taken to go straight from each to the next"
     if defect.fatal and asked:
         raise RecordingError(

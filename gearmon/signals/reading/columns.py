@@ -117,6 +117,14 @@ class Table:
     notes: tuple[str, ...] = ()
     locate: Callable[[int, int], tuple[str, str]] = lambda row, _: (f"sample {row + 1}", "a value")
 
+    def go_straight(self, index: int) -> None:
+        """Let a column go straight over what is no number, and on as it is at the ends."""
+        from pandas import Series  # hardly any column has such gaps
+
+        own = self.values[index]
+        own[~(np.abs(own) < _MOST_SAMPLE)] = np.nan
+        own[:] = Series(own).interpolate(limit_direction="both")
+
 
 def describe_columns(
     cells: Sequence[str], units: Sequence[str] = (), *, first: int = 1, array: str | None = None
@@ -309,8 +317,7 @@ def _missing(values: FloatArray) -> Defect:
     bad, count = np.flatnonzero(~(np.abs(values) < _MOST_SAMPLE)), len(values)
     if len(bad) == count:
         return Defect(text=f"has no numbers at all in {count} rows", row=-1, missing="no number")
-    share = 100 * len(bad) / count
-    text = f"lacks a usable number in {len(bad)} of {count} rows ({share:.3g} %)"
+    text = f"lacks a usable number in {len(bad)} of {count} rows ({100 * len(bad) / count:.3g} %)"
     what = "more than any sensor gives" if np.isfinite(values[bad[0]]) else "no number"
     return Defect(text=text, row=int(bad[0]), fatal=False, missing=what)
 

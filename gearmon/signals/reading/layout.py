@@ -288,8 +288,7 @@ def _most_likely(sample: Sequence[str], lines: Sequence[str]) -> Dialect | None:
         alike = [row for _, row in rows if len(row) == length]
         columns = max(len(without_empty_end(row)) for row in alike)
         if length > columns:  # a last column may hold a number now and then, as of a slow sensor
-            empty = mark * (length - columns)
-            full = (dialect.row(line) for line in lines if not line.endswith(empty))
+            full = (dialect.row(x) for x in lines if not x.endswith(mark * (length - columns)))
             filled = (len(without_empty_end(row)) for row in full if row and len(row) == length)
             columns = max([columns, *filled])
         moments = [*map(to_microseconds, alike[0])]

@@ -6,6 +6,7 @@ import gzip
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -300,6 +301,15 @@ def test_decimal_commas_with_exponents_under_one_name_are_one_column():
     two = table("a,b\n0,0\n1,5e-162\n").values
     np.testing.assert_array_equal(two, [[0.0, 1.0], [0.0, 5e-162]])
     assert table("0,0\n1,5e-162\n" * 4).values.shape == (2, 8)
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -1e31])
+def test_a_speed_goes_straight_over_what_is_no_speed(wrong):
+    frame = pd.DataFrame({"a": np.arange(99.0) % 7, "speed_rpm": 1500.0 + np.arange(99.0)})
+    frame.loc[[0, 40, 41, 98], "speed_rpm"] = wrong
+    speed = read_recording(frame, 1000.0).samples[1]
+    assert np.array_equal(speed[1:98], 1501.0 + np.arange(97.0))
+    assert speed[[0, 98]].tolist() == [1501.0, 1597.0]
 
 
 @pytest.mark.parametrize("names", ["time_s,a,speed_rpm\n", "time_s,a,speed_rpm,\n"])
