@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from gearmon.errors import ArgumentError, MachineFileError, nearest_name
-from gearmon.units import KNOWN_UNITS, is_unit
+from gearmon.units import is_unit
 
 LONGEST_VALUE_SHOWN = 60
 
@@ -111,7 +111,8 @@ class Text:
 
 
 #: A unit that is known where recordings are read.
-UNIT = Text(example='"m/s2"', kind=f"a known unit: {KNOWN_UNITS}", is_kind=is_unit)
+_UNITS = "a known unit: m/s2, g, mm/s, V, rpm, Nm or the like"
+UNIT = Text(example='"m/s2"', kind=_UNITS, is_kind=is_unit)
 
 
 @dataclass(frozen=True, kw_only=True)
