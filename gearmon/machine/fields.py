@@ -110,8 +110,8 @@ class Text:
         return value
 
 
-#: A unit that is known where recordings are read.
 _UNITS = "a known unit: m/s2, g, mm/s, V, rpm, Nm or the like"
+#: A unit that is known where recordings are read.
 UNIT = Text(example='"m/s2"', kind=_UNITS, is_kind=is_unit)
 
 
