@@ -233,10 +233,10 @@ def log_caused(gear: SearchedGear, machine: Machine, speed_hz: float) -> float:
     Returns
     -------
     float
-        Logarithm of the Bayes factor of one cause over lines that have nothing to do with the mesh;
-        0 where no harmonic tells. The cause is mostly one loss, any being likely, which
-        makes every harmonic in each channel in size and phase as computed; else what the least
-        loss makes, times one complex factor that nobody knows: teeth may be unlike the computed.
+        Logarithm of the Bayes factor of damage over lines that have nothing to do with the mesh; 0
+        where no harmonic tells. Damage is mostly one loss, any being likely, that makes every
+        harmonic in each channel in size and phase as computed; else it makes them what the least
+        loss would, times one complex factor that nobody knows: teeth may be unlike the computed.
     """
     near = np.abs(_FINE[:, None] - _GRID).argmin(axis=1)
     known, unknown = np.zeros(_FINE.shape), np.zeros(_FACTORS.shape)
@@ -251,7 +251,7 @@ def log_caused(gear: SearchedGear, machine: Machine, speed_hz: float) -> float:
 
 
 def _log_suits(away: ComplexArray, width: FloatArray) -> FloatArray:
-    """Logarithm of the factor of a line so far, in its logarithm, from what an event makes it."""
+    """Log Bayes factor of lines whose logarithms are so far from those that an event makes."""
     # Student's law of two variables, over that of lines of another cause
     least = 1.0 + np.abs(away) ** 2 / (_FREEDOM * width)
     factor = _NEPERS / width * least ** (-0.5 * _FREEDOM - 1.0)
