@@ -79,7 +79,7 @@ def bands_of(gear: SearchedGear) -> Iterator[Band]:
         number = band.number[inside]
         if len(number) < 2:
             continue
-        heard = np.sqrt(response.band_power(number.astype(np.float64)))
+        heard = np.sqrt(response.band_power(number.astype(np.float64), band.side))
         place = np.exp(2j * np.pi / teeth * np.outer(np.arange(teeth), number))
         offset = (number - teeth * band.harmonic) / teeth
         for rest, deviation in zip(band.rest, band.deviation, strict=True):

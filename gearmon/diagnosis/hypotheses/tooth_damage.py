@@ -273,13 +273,13 @@ def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> T
     machine = replace(machine, operating=(replace(near, share=1.0),))
     searched: list[GearEvidence] = []
     for gear in deviation.gears:
-        alone = as_heard(gear, machine)
-        if not alone.bands:
-            continue
         shown = mesh_shown(gear, deviation.gears, machine)
         if not shown:
             # what drowns in another mesh on the same lines tells neither size nor gear
-            alone = replace(alone, mesh_lines=None)
+            gear = replace(gear, mesh_lines=None)
+        alone = as_heard(gear, machine)
+        if not alone.bands:
+            continue
         found, top = [], max(int(band.number[-1]) for band in alone.bands) + gear.teeth
         # nothing may tell how a sun is held
         for seat in filter(None, (machine, with_floating_sun(machine, gear.stage))):
@@ -287,10 +287,7 @@ def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> T
             with suppress(ArgumentError):
                 response = tooth_response(seat, gear.stage, gear.gear, top * gear.order)
                 power = own_mesh_power(alone, response, deviation.gears)
-                # where planets cancel, neighbours do not tell the path: it falls below its
-                # resonances
-                told = tuple(b for b in alone.bands if np.all(response.mesh[b.harmonic :][:1]))
-                heard = replace(alone, bands=told, mesh_power=power)
+                heard = replace(as_heard(gear, machine, response), mesh_power=power)
                 found.append(search_gear(heard, response, own.speed_hz))
         ranked = sorted(filter(None, found), key=lambda search: -search.log_gear)
         if ranked or alone.meetings > 1:
@@ -300,7 +297,9 @@ def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> T
     return ToothFinding(searched, machine, own.speed_hz) if searched else None
 
 
-def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:
+def as_heard(
+    gear: GearDeviation, machine: Machine, response: ToothResponse | None = None
+) -> GearDeviation:
     """Return a gear's deviation at the lines in which a damaged tooth is heard.
 
     Parameters
@@ -309,19 +308,19 @@ def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:
         Of every line of its turn and beside it.
     machine : Machine
         Its machine.
+    response : ToothResponse, optional
+        What the damage adds, if it is known.
 
     Returns
     -------
     GearDeviation
         Of a pair all lines. Where planets pass the sensor those beside the multiples of the
-        gear's turn: of a sun or ring that meets N planets at equal distances one in N. Of a gear
-        that stands still those at multiples of N. `meetings` tells how often an event comes again
-        in a turn: a tooth of a planet meets sun and ring.
-
-    Notes
-    -----
-    These lines have 97 to 99 % of the power of what 30 % on a tooth adds (simulated sets of
-    18/27/72 and 19/26/71 teeth).
+        gear's turn, and of these themselves about mesh harmonics where the response is louder
+        there: of a sun or ring that meets N planets at equal distances one in N. Of a gear that
+        stands still those at multiples of N. `meetings` tells how often an event comes again in a
+        turn: a tooth of a planet meets sun and ring. Where planets cancel in a mesh harmonic of the
+        response its neighbours do not tell the path, which falls below its resonances: it is left
+        out.
     """
     mesh = kinematics(machine).mesh(gear.stage)
     if not mesh.planets:
@@ -331,7 +330,12 @@ def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:
         step, first = mesh.brought_alike(gear.gear, band.side)
         met = band.number % step == first
         # where nothing is beside a gear, its own turn is the carrier's, or the carrier stands
-        if (band.side != 0) == beside and np.count_nonzero(met) >= _LEAST_LINES:
+        heard = (band.side != 0) == beside
+        if response is not None:
+            power = (response.band_power(band.number + 0.0, side).sum() for side in (0, -1, 1))
+            heard = heard or next(power) >= max(power)
+            heard &= bool(np.all(response.mesh[band.harmonic :][:1]))
+        if heard and np.count_nonzero(met) >= _LEAST_LINES:
             names = ("rest", "deviation", "noise", "pattern", "known")
             kept = {name: getattr(band, name)[..., met] for name in names}
             bands.append(replace(band, number=band.number[met], **kept))

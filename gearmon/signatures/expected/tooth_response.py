@@ -8,8 +8,8 @@ same housing, so that their ratio holds without the dynamics behind it. Teeth of
 proportions stand in where the file says nothing of them but their number.
 
 In a planetary set a softer mesh sheds its load to the others, so that only their passing tells them
-apart: damage is heard a turn of the carrier below and above the multiples of the gear's turn. A
-tooth of the sun or the ring meets N planets in turn: of its lines those that all of them bring
+apart: damage is heard a turn of the carrier below and above the multiples of the gear's turn, and
+at these themselves where the others are too heavy to follow. A tooth of the sun or the ring meets N planets in turn: of its lines those that all of them bring
 alike add up, the others cancel. On a gear that stands still lines beside are lines of its own turn,
 which is that of the carrier, again: multiples of N.
 """
@@ -190,8 +190,9 @@ class ToothResponse(Result):
         z of the gear.
     lines : ndarray of complex, shape (top + 1,)
         Change of the acceleration per unit of loss at multiples 0..top of the gear's rotation;
-        tooth 1 enters contact at angle 0. Of a planetary set without phase, and about the multiples
-        where it is heard.
+        tooth 1 enters contact at angle 0. Of a planetary set without phase.
+    beside : ndarray of complex, shape (2, top + 1) or (0, top + 1)
+        The same a turn of the carrier below and above, where a sensor hears planets pass.
     mesh : ndarray of complex, shape (harmonics + 1,)
         Acceleration of the healthy mesh at harmonics 0.. of the mesh, in the same unit.
     pair_share : ndarray of float, shape (points,)
@@ -206,6 +207,7 @@ class ToothResponse(Result):
     gear: str
     teeth: int
     lines: ComplexArray
+    beside: ComplexArray
     mesh: ComplexArray
     pair_share: FloatArray
     contact_ratio: float
@@ -230,13 +232,15 @@ class ToothResponse(Result):
         weight = self.pair_share**2
         return np.asarray(np.sqrt(np.sum(grown**2 * (weight / float(weight.sum())), axis=-1)))
 
-    def band_power(self, number: FloatArray) -> FloatArray:
+    def band_power(self, number: FloatArray, side: int = 0) -> FloatArray:
         """Power of the response to a unit loss about multiples of the rotation.
 
         Parameters
         ----------
         number : ndarray of float
             Multiples of the rotation; 0 beyond the lines known.
+        side : {-1, 0, 1}
+            Turns of the carrier beside them.
 
         Returns
         -------
@@ -244,7 +248,8 @@ class ToothResponse(Result):
             Mean of |lines|^2 over one mesh order about each: single lines of a pulse may vanish for
             a contact ratio that is a little different.
         """
-        return _mean_about(np.abs(self.lines) ** 2, np.rint(number), self.teeth)
+        lines = self.beside[max(side, 0)] if side else self.lines
+        return _mean_about(np.abs(lines) ** 2, np.rint(number), self.teeth)
 
 
 def _mean_about(power: FloatArray, number: FloatArray, teeth: int) -> FloatArray:
@@ -288,7 +293,8 @@ def tooth_response(machine: Machine, stage: int, gear: str, max_order: float) ->
     teeth = mesh_of_stage.wheel(gear).teeth
     stiffness, standard, share, phase = _mesh_alone(own, stage, gear, teeth)
     try:
-        found = loss_response(machine, stage, gear, max_order=max_order)
+        # bearings that tell only their balls are rigid, as in `gearmon.simulate`
+        found = loss_response(of_told_bearings(machine), stage, gear, max_order=max_order)
     except GearmonError:
         # where the file bears no baseline: no torque, no module, or teeth that would not run
         if gear in ("sun", "planet"):
@@ -296,15 +302,17 @@ def tooth_response(machine: Machine, stage: int, gear: str, max_order: float) ->
             raise ArgumentError(told) from None
         top = int(max_order / mesh_of_stage.order * teeth)
         mesh, lines = _deflected(stiffness, share, phase, teeth, top)
+        every = lines[None]
     else:
         lines, mesh = (np.append(0.0, own) for own in (found.acceleration, found.mesh_acceleration))
         is_set = isinstance(own, PlanetaryStage)
-        lines, mesh = _of_set(machine, found) if is_set else (lines, mesh[::teeth])
+        every, mesh = _of_set(machine, found) if is_set else (lines[None], mesh[::teeth])
     return ToothResponse(
         stage=stage,
         gear=gear,
         teeth=teeth,
-        lines=lines,
+        lines=every[0],
+        beside=every[1:],
         mesh=mesh,
         pair_share=share,
         contact_ratio=stiffness.total_contact_ratio,
@@ -407,25 +415,28 @@ def grown_lines(
 def _of_set(machine: Machine, found: LossResponse) -> tuple[ComplexArray, ComplexArray]:
     """Sizes of lines by multiples of the rotation, and of mesh harmonics, wherever they stand.
 
-    Those in which planets cancel but for what their errors leave tell nothing, and are 0.
+    Lines by themselves, and a turn of the carrier below and above. Those in which planets cancel
+    but for what their errors leave tell nothing, and are 0.
     """
     mesh, number = kinematics(machine).mesh(found.stage), found.number
     wheel = mesh.wheel(found.gear)
     alike = {side: mesh.brought_alike(found.gear, side) for side in (-1, 0, 1)}
     step, first = np.array([alike[side] for side in found.carrier.tolist()]).T
     power = np.where(number % step == first, np.abs(found.acceleration) ** 2, 0.0)
-    lines = np.zeros(int(number.max()) + 2)
     if wheel.exact == 0:
-        np.add.at(lines, np.rint(found.order / wheel.relative_order).astype(int), power)
+        own = np.rint(found.order / wheel.relative_order).astype(int)
+        lines = np.bincount(own, power)[None]
     else:
-        np.maximum.at(lines, number, power)
+        lines = np.zeros((3, int(number.max()) + 2))
+        # by themselves, below and above
+        lines[np.array([0, 2, 1])[found.carrier], number] = power
     of_mesh = np.flatnonzero(found.mesh_acceleration)
     harmonic = found.number[of_mesh] // found.teeth
     meshes = np.bincount(harmonic, np.abs(found.mesh_acceleration[of_mesh]) ** 2)
     # a tooth of sun or ring is heard as often as it meets planets
     of_one = found.teeth / (1 if found.gear == "planet" else mesh.planets)
     places = found.teeth * np.arange(len(meshes), dtype=np.float64)
-    brought = of_one**2 * _mean_about(lines, places, found.teeth)
+    brought = of_one**2 * _mean_about(lines.max(axis=0), places, found.teeth)
     meshes[meshes < _CANCELLED**2 * brought] = 0.0
     return np.sqrt(lines) + 0j, np.sqrt(meshes) + 0j
 
