@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearmon.diagnosis.evidence import LIMITS, Evidence, lines_strength, rare_strength
-from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, judge_kind
+from gearmon.diagnosis.fault_types.kinds import NONE, GearFeatures, focus_of, judge_kind
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding, crack_depth_mm
 from gearmon.diagnosis.law.machine import SPEED_UNIT, LevelDeviation
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
@@ -106,13 +106,13 @@ class Flagging(NamedTuple):
         What was compared.
     changes : tuple of Change
         Families of lines.
-    features : FeatureVector
+    features : dict of (int, str) to dict
         What kinds of fault are told by.
     """
 
     evidence: Evidence
     changes: tuple[Change, ...]
-    features: FeatureVector
+    features: GearFeatures
 
     def flags(self) -> tuple[Flag, ...]:
         """Flag what stands out, the strongest first."""
@@ -192,10 +192,9 @@ class Flagging(NamedTuple):
 
     def _least_sure(self, best: GearEvidence) -> float:
         """Probability from which a departure is called that of one tooth."""
-        features = self.features
-        if best.key not in features.gears:
+        row = self.features.get(best.key)
+        if row is None:
             return _ONE_TOOTH
-        row = features.named(features.gears.index(best.key))
         first, others = max(row["once_db"], row["twice_db"]), max(row["several_db"], 0.0)
         return _ONE_TOOTH_AND_RUNOUT if first - others > _RUNOUT_DB else _ONE_TOOTH
 
@@ -213,7 +212,7 @@ class Flagging(NamedTuple):
             if spread.of_two_teeth:
                 return self._flag("several teeth", strength, evidence, best.key)
         # what departs repeats with all gears on its shaft: the one that changed most tells its kind
-        focus, order = self.features.gears[self.features.focus], best.deviation.order
+        focus, order = focus_of(self.features), best.deviation.order
         focused = finding.of(*focus)
         alike = focused is not None and abs(focused.deviation.order - order) <= 1e-9 * order
         kind, place, told = self._kind(focus if alike else best.key, _UNCLEAR, best.key)
@@ -224,7 +223,7 @@ class Flagging(NamedTuple):
     ) -> tuple[str, _Place, tuple[str, ...]]:
         """Kind of a fault of one gear, its place, and why; where no kind but one tooth is clear."""
         finding = self.evidence.finding
-        if gear in self.features.gears:
+        if gear in self.features:
             own = finding.of(*gear) if finding is not None else None
             spread = own.spread if own is not None else None
             judged = judge_kind(self.features, gear=gear, spread=spread)
@@ -257,8 +256,7 @@ class Flagging(NamedTuple):
             own = sentences([change for change in self.changes if group(change) == group(first)])
             # the kind of fault that they are most like
             plain = f"changed {first.kind}", (first.stage, first.gear)
-            focus = self.features.gears[self.features.focus]
-            kind, place, why = self._kind(focus, *plain)
+            kind, place, why = self._kind(focus_of(self.features), *plain)
             return [self._flag(kind, strength, (*why, *own), place)]
         # mains and bearings fill whole bands of the spectrum; no gear is to blame
         kind = "broadband rise" if noisy else "broadband change"

@@ -20,7 +20,7 @@ from gearmon.diagnosis.evidence import (
     false_alarm_probability,
 )
 from gearmon.diagnosis.fault_types import NAMES
-from gearmon.diagnosis.fault_types.kinds import FeatureVector, rule_probabilities
+from gearmon.diagnosis.fault_types.kinds import rule_probabilities
 from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, LossEstimate, ToothFinding
 from gearmon.diagnosis.hypotheses.turns import runout_growth
@@ -109,10 +109,7 @@ def change(level_db, kind="sidebands", gear_name="pinion", harmonic=1, scatter_d
 
 def features(**changed):
     row = dict.fromkeys(NAMES, 0.0) | {"turns_known": 1.0, "teeth_involved": 4.0} | changed
-    return FeatureVector(
-        gears=((1, "gear"), (1, "pinion")),
-        values=np.array([np.zeros(len(NAMES)), [row[name] for name in NAMES]]),
-    )
+    return {(1, "gear"): dict.fromkeys(NAMES, 0.0), (1, "pinion"): row}
 
 
 PITTED = np.where(np.arange(TEETH) % 3 > 0, np.random.default_rng(1).uniform(0, 2, TEETH), 0.0)
@@ -379,7 +376,9 @@ def test_runout_is_not_blamed_for_a_bearing_or_a_moved_sensor():
 
 
 def test_the_spread_overrules_a_peak_of_the_energy():
-    row = features(far_db=6.0, several_db=5.0, peak_db=16.0, peaks=1.0, teeth_involved=3.0).named(1)
+    row = features(far_db=6.0, several_db=5.0, peak_db=16.0, peaks=1.0, teeth_involved=3.0)[
+        1, "pinion"
+    ]
     assert rule_probabilities(row)["tooth damage"] > 0.5
     assert rule_probabilities(row, departure_spread(gear(PITTED)))["tooth damage"] < 0.01
     flat = row | {"peak_db": 2.0}
