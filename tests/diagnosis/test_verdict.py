@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from reference.gear_departures import TEETH, complex_noise, gear, machine, weights
+from reference.gear_departures import TEETH, beside_others, gear, machine, weights
 
 from gearmon.diagnosis.alone import mesh_lost, own_teeth_flags, own_teeth_reason
 from gearmon.diagnosis.evidence import (
@@ -155,10 +155,7 @@ def test_the_second_of_two_teeth_is_told():
 def half_explained(seed):
     """One tooth beside unrelated lines of nearly the same power."""
     own = gear(weights(3), seed=seed, height=10 * np.sqrt(0.55), noise=0.0)
-    rng = np.random.default_rng([6, seed])
-    for band in own.difference.bands:
-        band.rest[:] += 10 * np.sqrt(0.45) * complex_noise(rng, *band.rest.shape)
-    return own
+    return beside_others(own, 10 * np.sqrt(0.45), 6, seed)
 
 
 def test_runout_asks_for_more_before_a_tooth_is_blamed():

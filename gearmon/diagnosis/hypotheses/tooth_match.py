@@ -105,7 +105,8 @@ class SearchedGear:
     def __init__(
         self, difference: GearDeviation, response: ToothResponse, speed_hz: float, heard: _Heard
     ) -> None:
-        self.difference, self.response, teeth = difference, response, difference.teeth
+        self.difference, self.response, self.heard = difference, response, heard
+        teeth = difference.teeth
         rotation_hz = difference.order * speed_hz
         delays = [event_delays(response, rotation_hz, decay_s) for decay_s in DECAY_S]
         turns = np.exp(2j * np.pi / teeth * np.arange(teeth))
