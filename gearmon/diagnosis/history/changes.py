@@ -540,8 +540,6 @@ def _timed(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) -
     A small change may be a step as well as growth: the interval is that of both.
     """
     times, fits = series.time_s, Fits.of(series, tuple(others), bent=True)
-    if fits.freedom < 1:
-        return replace(change, low_s=float(times[0]), high_s=float(times[-1]))
     steps, begun = fits.courses == 0, fits.places[fits.courses == 1]
     # every time is as likely beforehand, and places stand closer together where recordings do
     width = [np.gradient(fits.places[steps]), np.tile(np.gradient(begun), len(GROWTHS))]

@@ -126,8 +126,6 @@ def summarise(store: sqlite3.Connection, machines: Iterable[str]) -> None:
     for machine in map(as_text, machines):
         asked = "SELECT time_s, verdict, score FROM recordings WHERE machine = ? "
         told = store.execute(asked + "ORDER BY time_s DESC", (machine,)).fetchall()
-        if not told:
-            continue
         alike = next(groupby(told, key=itemgetter("verdict")))[1]
         last = recording(store, machine, told[0]["time_s"])
         kept = {name: last[name] for name in ("machine", "time_s", "verdict", "score", "findings")}

@@ -246,10 +246,6 @@ class ToothFinding:
         search, known = self.best.search, (self.machine, self.speed_hz)
         return mesh_harmonics.loss_estimate(search, *known) if search is not None else None
 
-    def of(self, stage: int, gear: str) -> GearEvidence | None:
-        """Return the evidence of one gear."""
-        return next((one for one in self.searched if one.key == (stage, gear)), None)
-
 
 def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> ToothFinding | None:
     """Look for damage of one tooth on all gears.
