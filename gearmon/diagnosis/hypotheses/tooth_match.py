@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
-from gearmon.diagnosis.law.gear_lines import LEAST_MISFIT, GearDeviation
+from gearmon.diagnosis.law.gear_lines import LEAST_MISFIT, STEPS, GearDeviation
 from gearmon.signatures.expected.tooth_response import ToothResponse
 
 # Decay times of the energy in a housing [s]: damping ratios of 1 to 6 per cent between 700 Hz and
@@ -110,7 +110,7 @@ class SearchedGear:
         rotation_hz = difference.order * speed_hz
         delays = [event_delays(response, rotation_hz, decay_s) for decay_s in DECAY_S]
         turns = np.exp(2j * np.pi / teeth * np.arange(teeth))
-        size, around = response.amplitude(LOSSES), difference.expected_by_tooth
+        size, around = response.amplitude(LOSSES), difference.expected_around[::STEPS]
         total, expected = np.zeros((2, len(LOSSES), teeth)), np.zeros((5, len(LOSSES)))
         self.matched = np.zeros(total.shape[1:])
         for number, rest, signal, noise in _alike(heard, len(LOSSES) * teeth):
