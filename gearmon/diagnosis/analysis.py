@@ -215,9 +215,8 @@ def _measured(recording: Recording, machine: Machine, known: Reference | None) -
     }
     learned_at = tuple(replace(point, share=1.0 / len(speeds)) for point in speeds)
     again = measure_signature(recording, replace(machine, operating=learned_at), far=True)
-    if signature.found:
-        return again if again.found and not _mesh_gone(again, known) else signature
-    return again if again.found or again.held else signature
+    better = again.found and not _mesh_gone(again, known)
+    return again if better or (again.held and not signature.found) else signature
 
 
 def _mesh_gone(signature: MeasuredSignature, reference: Reference) -> bool:

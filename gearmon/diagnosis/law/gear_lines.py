@@ -126,9 +126,7 @@ class Kriging:
         Their sum.
     """
 
-    def __init__(
-        self, known: FloatArray, state: FloatArray, scatter: float = 0.06, slope: float = 0.5
-    ) -> None:
+    def __init__(self, known: FloatArray, state: FloatArray, scatter: float, slope: float) -> None:
         count, size = len(known), (slope * LENGTH) ** 2
         # the state itself stands last
         states = np.vstack([known, state])

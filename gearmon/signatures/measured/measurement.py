@@ -27,7 +27,7 @@ from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence, Side
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.speed_channels import track_recording
-from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking, wander
+from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking
 
 #: What a line may add elsewhere, relative to it: the angle is not known as well.
 LEAKAGE = 1e-4
@@ -259,7 +259,7 @@ def measure_signature(
 
     lines, (spectrum, foreign, marks) = at_once(blocks.lines, others, samples.size)
     # as the speed swings the path turns lines from block to block, as much as a knock would
-    fluctuation = float(np.sqrt(2.0)) * wander(track)
+    fluctuation = float(np.sqrt(2.0)) * track.wander
     for wheel in () if fluctuation > _STEADY else plan.wheels:
         lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
