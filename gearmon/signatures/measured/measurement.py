@@ -52,7 +52,6 @@ _SLOW_RPM = 100.0
 # a cracked tooth up to 13 % of the blocks seem knocked at 0 to 0.06 (once 22 %), 4 to 57 % at 0.12
 # and 0.37, where half of the cracks were taken for knocks.
 _STEADY = 0.05
-# Lines of the kinematics at whose multiples sidebands of the machine's own stand.
 
 
 @dataclass(frozen=True, kw_only=True)
