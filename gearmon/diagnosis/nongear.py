@@ -443,17 +443,13 @@ def _sources(lines: Sequence[NonGearLine], whole: NonGearLines) -> list[list[int
     return nongear_lines.harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
 
 
-def speed_scatter_db(
-    relative_change: FloatArray | float, damping_ratio: float = _DAMPING_RATIO
-) -> FloatArray:
+def speed_scatter_db(relative_change: FloatArray | float) -> FloatArray:
     """Return the standard deviation of the change of a line's level when the speed changes.
 
     Parameters
     ----------
     relative_change : ndarray of float, shape (...)
         Change of speed over speed, of either sign.
-    damping_ratio : float, > 0
-        Damping ratio of the modes on the way to the sensor.
 
     Returns
     -------
@@ -464,8 +460,9 @@ def speed_scatter_db(
     -----
     A path of many overlapping modes has a complex Gaussian response, whose correlation between two
     frequencies that differ by the share d is 1 / (1 + i d / (2 zeta)): the Fourier transform of its
-    decay exp(-2 zeta w t). The squared moduli then correlate by rho = 1 / (1 + (d / (2 zeta))^2),
-    and their logarithms, whose variance is pi^2/6, have the covariance Li2(rho), so that
+    decay exp(-2 zeta w t), zeta being their damping ratio. The squared moduli then correlate by
+    rho = 1 / (1 + (d / (2 zeta))^2), and their logarithms, whose variance is pi^2/6, have the
+    covariance Li2(rho), so that
 
         sigma = (10 / ln 10) sqrt(2 (pi^2/6 - Li2(rho))).
 
@@ -477,7 +474,7 @@ def speed_scatter_db(
     Schroeder, Frequency-correlation functions of frequency responses in rooms, J. Acoust. Soc. Am.
     34 (1962) 1819-1823.
     """
-    rho = 1 / (1 + np.square(relative_change / (2 * damping_ratio)))
+    rho = 1 / (1 + np.square(relative_change / (2 * _DAMPING_RATIO)))
     # spence(1 - x) is the dilogarithm Li2(x)
     left = np.maximum(1 - 6 / math.pi**2 * spence(1 - rho), 0.0)
     return np.asarray(_FIELD_DB * np.sqrt(2 * left))
