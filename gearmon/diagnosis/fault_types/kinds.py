@@ -449,8 +449,8 @@ def kind_of_analysis(
     if analysis.verdict != "fault" or not (analysis.changes or analysis.profiles):
         return None
     features = analysis_features(analysis, reference)
-    flagged = ((flag.stage or 0, flag.gear or "") for flag in analysis.flags)
-    first = next((gear for gear in flagged if gear in features), None)
+    flagged = [(flag.stage, flag.gear) for flag in analysis.flags]
+    first = min((gear for gear in features if gear in flagged), key=flagged.index, default=None)
     return judge_kind(features, classifier, gear=first)
 
 
