@@ -56,7 +56,7 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), **off
     finding = None
     if own is not None:
         searched = GearEvidence(deviation=own.difference, search=own)
-        finding = ToothFinding((searched,), machine(), 25.0)
+        finding = ToothFinding((searched,), machine())
         finding.evidence = 80.0
         vars(finding)["loss"] = LossEstimate(loss=0.2, low=0.15, high=0.25)
     deviation = MachineDeviation(
@@ -178,7 +178,7 @@ def test_a_loud_gear_that_is_hardly_believed_competes_with_those_of_its_own_line
     sure, unsure = (GearEvidence(deviation=own.difference, search=own) for own in (first, loud))
     unsure.believed = 0.01 * sure.believed
     assert unsure.log_factor > sure.log_factor
-    finding = ToothFinding((sure, unsure), machine(), 25.0)
+    finding = ToothFinding((sure, unsure), machine())
     assert finding.evidence == sure.believed
     assert bool(finding.rivals) == competes
     assert competes or finding.best is sure
