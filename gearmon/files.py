@@ -222,6 +222,23 @@ def write_atomically(path: str | Path, content: bytes | str) -> None:
         temporary.write_bytes(data)
 
 
+def parquet() -> Any:
+    """Return pyarrow with what reads and writes Parquet files.
+
+    Raises
+    ------
+    ArgumentError
+        If it is not installed.
+    """
+    try:
+        import pyarrow.parquet
+    except ImportError:
+        raise ArgumentError(
+            "Parquet files need pyarrow: pip install 'gearmon[parquet]', or use .csv"
+        ) from None
+    return pyarrow
+
+
 def write_archive(
     path: str | Path, header: dict[str, Any], arrays: Mapping[str, NDArray[Any]]
 ) -> None:

@@ -237,7 +237,7 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
     judged, rows = [], []
     for (truth, load), (_, analysis) in zip(trials, found, strict=True):
         features = analysis_features(analysis, reference)
-        measured = features.named(features.row((1, "pinion")))
+        measured = features[1, "pinion"]
         # the kind is asked for only where a fault is called
         kind = judge_kind(features, classifier) if analysis.verdict == "fault" else None
         words = {"healthy": "sound", "fault": kind.kind if kind else ""}
@@ -246,7 +246,7 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
         row = {"truth": truth, "load": percent(load, 0), "verdict": analysis.verdict}
         row |= {"told": one["told"], "of": (kind.gear or "") if kind else ""}
         rows.append(row | {"share": percent(kind.probability, 0) if kind else ""})
-        one["features_db"] = {name: float(measured[name]) for name in FEATURES}
+        one["features_db"] = {name: measured[name] for name in FEATURES}
         one |= {"kind": None if kind is None else kind.to_dict(), "analysis": analysis.to_dict()}
         judged.append(one)
     right = sum(one["told"] == one["truth"] for one in judged)

@@ -112,8 +112,8 @@ def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Refere
         If a recording cannot be used.
     """
     reference, doubts = references.make_reference(signatures, machine), []
-    for number, own in enumerate(signatures):
-        if alone.own_teeth_flags(alone.own_teeth(Profile.of(own))):
+    for own, profile in zip(signatures, reference.profiles, strict=True):
+        if alone.own_teeth_flags(alone.own_teeth(profile)):
             doubts.append(
                 f"{own.origin}: one tooth stands out of its gear already; is the machine sound?"
             )
@@ -122,12 +122,10 @@ def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Refere
                 f"{own.origin}: its angle was lost on the way, so that it teaches little; record "
                 "at a steadier speed, or with a tachometer"
             )
-        others = [*signatures[:number], *signatures[number + 1 :]]
+        others = tuple(one for one in reference.profiles if one is not profile)
+        known = replace(reference, profiles=others)
         # of two that differ nobody knows which is the odd one
-        if len(others) < 2:
-            continue
-        known = references.make_reference(others, machine)
-        strength = evidence_against(own, machine, known).strength
+        strength = evidence_against(own, machine, known).strength if len(others) > 1 else 0.0
         if strength >= LIMITS.fault:
             doubts.append(
                 f"{own.origin}: departs from the other recordings as a fault would (strength "
@@ -217,9 +215,8 @@ def _measured(recording: Recording, machine: Machine, known: Reference | None) -
     }
     learned_at = tuple(replace(point, share=1.0 / len(speeds)) for point in speeds)
     again = measure_signature(recording, replace(machine, operating=learned_at), far=True)
-    if signature.found:
-        return again if again.found and not _mesh_gone(again, known) else signature
-    return again if again.found or again.held else signature
+    better = again.found and not _mesh_gone(again, known)
+    return again if better or (again.held and not signature.found) else signature
 
 
 def _mesh_gone(signature: MeasuredSignature, reference: Reference) -> bool:

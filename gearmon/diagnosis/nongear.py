@@ -145,7 +145,8 @@ def nongear_findings(
         Most striking first.
     """
     healthy, gain_db = [one.foreign for one in reference.profiles], family_gain_db(own, reference)
-    return compare_lines(own.foreign, healthy, train, gain_db, reference.channel_names)
+    names = reference.channel_names
+    return LineComparison(own.foreign, healthy, train, gain_db, names).findings()
 
 
 def family_gain_db(own: Profile, reference: Reference) -> FloatArray:
@@ -168,72 +169,6 @@ def family_gain_db(own: Profile, reference: Reference) -> FloatArray:
     return np.nan_to_num(channel_gain(np.where(clear, moved, np.nan)))
 
 
-def compare_lines(
-    lines: NonGearLines,
-    healthy: Sequence[NonGearLines],
-    train: Kinematics,
-    gain_db: FloatArray | float = 0.0,
-    channel_names: Sequence[str] = (),
-) -> tuple[NonGearFinding, ...]:
-    """Find the lines that are new or have grown, and say what they may be.
-
-    Parameters
-    ----------
-    lines : NonGearLines
-        Of the new recording.
-    healthy : sequence of NonGearLines
-        Of healthy recordings of the same channels, at least one.
-    train : Kinematics
-        The machine with its bearings.
-    gain_db : ndarray of float, shape (channels,), optional
-        How much louder each channel is than in the healthy recordings [dB]; 0 by default.
-    channel_names : sequence of str, optional
-        For the evidence.
-
-    Returns
-    -------
-    tuple of NonGearFinding
-        Most striking first. Their probabilities are corrected for all lines looked at.
-
-    Notes
-    -----
-    The change of a line over its standard deviation follows a t law: between healthy recordings it
-    changes by 4 dB (a prior worth fifteen differences, joined by those among the healthy recordings
-    themselves), more if the speed differs. Summed over the lines that can change (those at
-    multiples of one another have one source and count for fewer), with those that may hide below
-    the noise of the healthy recordings (as many so far below what is listed as stand above it,
-    which have to come out of the noise first, and two just below it), and plus the peaks of mere
-    noise that are as high, it gives the number of such changes to expect of a healthy machine.
-    """
-    compared = _Comparison(lines, healthy, train, gain_db).changes()
-    changes = [one for one in compared if one.log10_probability < np.log10(_STRIKING)]
-    grid, findings = lines.grid("spectrum"), []
-    for series in name_lines([change.line for change in changes], train, grid.width, grid.top):
-        ranked = sorted(series.labels, key=lambda i: changes[i].log10_probability)
-        first = changes[ranked[0]]
-        width = lines.grid(first.line.kind).width
-        # multiples of the turn in which the same two teeth meet again, where they stand apart
-        met = [x.order for x in train.lines if x.kind == "hunting tooth" and x.order >= 4 * width]
-        order = first.line.order
-        off = [abs(order - turn * max(1, round(order / turn))) for turn in met]
-        if series.kind == "unknown lines" and min(off, default=math.inf) <= 0.5 * width:
-            continue
-        told = [_sentence(changes[i], series.labels[i], channel_names) for i in ranked[:_SENTENCES]]
-        findings.append(
-            NonGearFinding(
-                kind=series.kind,
-                name=series.name,
-                lines=tuple(changes[i].line for i in ranked),
-                change_db=max(changes[i].change_db for i in ranked),
-                orders=series.orders,
-                width=grid.width,
-                log10_probability=min(0.0, first.log10_probability),
-                evidence=tuple(told),
-            )
-        )
-    return tuple(sorted(findings, key=lambda finding: finding.log10_probability))
-
-
 def disturbed(
     orders: FloatArray, findings: Sequence[NonGearFinding], resolution: float
 ) -> NDArray[np.bool_]:
@@ -244,7 +179,7 @@ def disturbed(
     orders : ndarray of float
         Orders that are to be measured.
     findings : sequence of NonGearFinding
-        Of `compare_lines`; their lines in the envelope disturb nothing.
+        Of a `LineComparison`; their lines in the envelope disturb nothing.
     resolution : float
         Distance at which a line still disturbs [orders]: twice one over the length of a Hann
         block for single blocks, twice one over the recording for its synchronous mean.
@@ -261,26 +196,6 @@ def disturbed(
     return np.asarray(np.any((orders > low - resolution) & (orders < high + resolution), axis=0))
 
 
-def _sentence(change: _LineChange, label: str, channel_names: Sequence[str]) -> str:
-    line = change.line
-    row = int(np.argmax(line.over_noise_db))
-    channel = f"{channel_names[row]}: " if channel_names else ""
-    what = "line" if line.kind == "spectrum" else "line in the envelope"
-    of = f", {label}" if label else ""
-    follows = {
-        "shaft": "; it follows the shaft",
-        "time": "; it keeps its frequency while the speed wanders",
-    }.get(line.locked, "")
-    where = f"{line.frequency_hz:.4g} Hz (order {line.order:.4g} of shaft 1{of})"
-    moved = f"rose {change.change_db:.1f} dB; scatter {change.sigma_db:.1f} dB"
-    if not change.listed:
-        moved = (
-            f"is in no healthy recording: {line.over_noise_db[row]:.0f} dB over the noise, "
-            f"{change.change_db:.1f} dB over what could have been hidden there"
-        )
-    return f"{channel}{what} at {where} {moved}{follows}"
-
-
 class _LineChange(NamedTuple):
     """Rise of a line over the channels that hear it, and its standard deviation when healthy [dB].
 
@@ -295,13 +210,92 @@ class _LineChange(NamedTuple):
     log10_probability: float
 
 
-class _Comparison(NamedTuple):
-    """Lines of a new recording held against those of healthy ones; see `compare_lines`."""
+class LineComparison(NamedTuple):
+    """Lines of no gear of a new recording, held against those of healthy ones.
+
+    Parameters
+    ----------
+    lines : NonGearLines
+        Of the new recording.
+    healthy : sequence of NonGearLines
+        Of healthy recordings of the same channels, at least one.
+    train : Kinematics
+        The machine with its bearings.
+    gain_db : ndarray of float, shape (channels,), optional
+        How much louder each channel is than in the healthy recordings [dB]; 0 by default.
+    channel_names : sequence of str, optional
+        For the evidence.
+
+    Notes
+    -----
+    The change of a line over its standard deviation follows a t law: between healthy recordings it
+    changes by 4 dB (a prior worth fifteen differences, joined by those among the healthy recordings
+    themselves), more if the speed differs. Summed over the lines that can change (those at
+    multiples of one another have one source and count for fewer), with those that may hide below
+    the noise of the healthy recordings (as many so far below what is listed as stand above it,
+    which have to come out of the noise first, and two just below it), and plus the peaks of mere
+    noise that are as high, it gives the number of such changes to expect of a healthy machine.
+    """
 
     lines: NonGearLines
     healthy: Sequence[NonGearLines]
     train: Kinematics
-    gain_db: FloatArray | float
+    gain_db: FloatArray | float = 0.0
+    channel_names: Sequence[str] = ()
+
+    def findings(self) -> tuple[NonGearFinding, ...]:
+        """Find the lines that are new or have grown, and say what they may be.
+
+        Returns
+        -------
+        tuple of NonGearFinding
+            Most striking first. Their probabilities are corrected for all lines looked at.
+        """
+        changes = [one for one in self.changes() if one.log10_probability < np.log10(_STRIKING)]
+        turns = [line.order for line in self.train.lines if line.kind == "hunting tooth"]
+        grid, lines = self.lines.grid("spectrum"), [change.line for change in changes]
+        findings: list[NonGearFinding] = []
+        for series in Naming(lines, self.train, grid.width, grid.top).series():
+            ranked = sorted(series.labels, key=lambda i: changes[i].log10_probability)
+            order, width = lines[ranked[0]].order, self.lines.grid(lines[ranked[0]].kind).width
+            # multiples of the turn in which the same two teeth meet again, where they stand apart
+            apart = (turn for turn in turns if turn >= 4 * width)
+            off = (abs(order - turn * max(1, round(order / turn))) for turn in apart)
+            if series.kind == "unknown lines" and min(off, default=math.inf) <= 0.5 * width:
+                continue
+            told = [self._sentence(changes[i], series.labels[i]) for i in ranked[:_SENTENCES]]
+            findings.append(
+                NonGearFinding(
+                    kind=series.kind,
+                    name=series.name,
+                    lines=tuple(lines[i] for i in ranked),
+                    change_db=max(changes[i].change_db for i in ranked),
+                    orders=series.orders,
+                    width=grid.width,
+                    log10_probability=min(0.0, changes[ranked[0]].log10_probability),
+                    evidence=tuple(told),
+                )
+            )
+        return tuple(sorted(findings, key=lambda finding: finding.log10_probability))
+
+    def _sentence(self, change: _LineChange, label: str) -> str:
+        line = change.line
+        row = int(np.argmax(line.over_noise_db))
+        channel = f"{self.channel_names[row]}: " if self.channel_names else ""
+        what = "line" if line.kind == "spectrum" else "line in the envelope"
+        of = f", {label}" if label else ""
+        follows = {
+            "shaft": "; it follows the shaft",
+            "time": "; it keeps its frequency while the speed wanders",
+        }.get(line.locked, "")
+        where = f"{line.frequency_hz:.4g} Hz (order {line.order:.4g} of shaft 1{of})"
+        moved = f"rose {change.change_db:.1f} dB; scatter {change.sigma_db:.1f} dB"
+        if not change.listed:
+            moved = (
+                f"is in no healthy recording: {line.over_noise_db[row]:.0f} dB over the noise, "
+                f"{change.change_db:.1f} dB over what could have been hidden there"
+            )
+        return f"{channel}{what} at {where} {moved}{follows}"
 
     def changes(self) -> list[_LineChange]:
         """Return the change of every line that the healthy recordings can be asked for.
@@ -449,17 +443,13 @@ def _sources(lines: Sequence[NonGearLine], whole: NonGearLines) -> list[list[int
     return nongear_lines.harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
 
 
-def speed_scatter_db(
-    relative_change: FloatArray | float, damping_ratio: float = _DAMPING_RATIO
-) -> FloatArray:
+def speed_scatter_db(relative_change: FloatArray | float) -> FloatArray:
     """Return the standard deviation of the change of a line's level when the speed changes.
 
     Parameters
     ----------
     relative_change : ndarray of float, shape (...)
         Change of speed over speed, of either sign.
-    damping_ratio : float, > 0
-        Damping ratio of the modes on the way to the sensor.
 
     Returns
     -------
@@ -470,8 +460,9 @@ def speed_scatter_db(
     -----
     A path of many overlapping modes has a complex Gaussian response, whose correlation between two
     frequencies that differ by the share d is 1 / (1 + i d / (2 zeta)): the Fourier transform of its
-    decay exp(-2 zeta w t). The squared moduli then correlate by rho = 1 / (1 + (d / (2 zeta))^2),
-    and their logarithms, whose variance is pi^2/6, have the covariance Li2(rho), so that
+    decay exp(-2 zeta w t), zeta being their damping ratio. The squared moduli then correlate by
+    rho = 1 / (1 + (d / (2 zeta))^2), and their logarithms, whose variance is pi^2/6, have the
+    covariance Li2(rho), so that
 
         sigma = (10 / ln 10) sqrt(2 (pi^2/6 - Li2(rho))).
 
@@ -483,7 +474,7 @@ def speed_scatter_db(
     Schroeder, Frequency-correlation functions of frequency responses in rooms, J. Acoust. Soc. Am.
     34 (1962) 1819-1823.
     """
-    rho = 1 / (1 + np.square(relative_change / (2 * damping_ratio)))
+    rho = 1 / (1 + np.square(relative_change / (2 * _DAMPING_RATIO)))
     # spence(1 - x) is the dilogarithm Li2(x)
     left = np.maximum(1 - 6 / math.pi**2 * spence(1 - rho), 0.0)
     return np.asarray(_FIELD_DB * np.sqrt(2 * left))
@@ -514,10 +505,12 @@ class NamedSeries(NamedTuple):
     slip: float = 0.0
 
 
-def name_lines(
-    lines: Sequence[NonGearLine], train: Kinematics, width: float, top: float
-) -> tuple[NamedSeries, ...]:
-    """Group lines by what they may be.
+def _members(series: Sequence[NamedSeries]) -> set[int]:
+    return {i for one in series for i in one.labels}
+
+
+class Naming(NamedTuple):
+    """Lines of one recording, to be grouped by what they may be.
 
     Parameters
     ----------
@@ -529,39 +522,35 @@ def name_lines(
         Resolution of the spectrum [orders].
     top : float
         Highest order of the recording.
-
-    Returns
-    -------
-    tuple of NamedSeries
-        Every line stands in one. Bearings need two lines that agree on the slip, or the fundamental
-        itself, or one line at the slip that others of the same bearing have; half and third orders
-        need two, or the first.
     """
-    naming = _Naming(lines, train, width, top)
-    still = {i for i, line in enumerate(lines) if line.locked == "time"}
-    turning = set(range(len(lines))) - still
-    # of lines whose lock cannot be told those of the mains must not make up a bearing alone
-    found = naming.of_machine(turning, _members(naming.mains(turning)))
-    found += naming.mains(still) + naming.mains(turning - _members(found))
-    for i in sorted(set(range(len(lines))) - _members(found)):
-        name = f"unknown line at {lines[i].frequency_hz:.4g} Hz"
-        if lines[i].locked == "shaft":
-            name = f"unknown line at order {lines[i].order:.4g} of shaft 1"
-        found.append(NamedSeries("unknown lines", name, {i: ""}))
-    return tuple(found)
-
-
-def _members(series: Sequence[NamedSeries]) -> set[int]:
-    return {i for one in series for i in one.labels}
-
-
-class _Naming(NamedTuple):
-    """Lines of one recording, to be named."""
 
     lines: Sequence[NonGearLine]
     train: Kinematics
     width: float
     top: float
+
+    def series(self) -> tuple[NamedSeries, ...]:
+        """Group them.
+
+        Returns
+        -------
+        tuple of NamedSeries
+            Every line stands in one. Bearings need two lines that agree on the slip, or the
+            fundamental itself, or one line at the slip that others of the same bearing have; half
+            and third orders need two, or the first.
+        """
+        still = {i for i, line in enumerate(self.lines) if line.locked == "time"}
+        turning = set(range(len(self.lines))) - still
+        # of lines whose lock cannot be told those of the mains must not make up a bearing alone
+        found = self.of_machine(turning, _members(self.mains(turning)))
+        found += self.mains(still) + self.mains(turning - _members(found))
+        for i in sorted((still | turning) - _members(found)):
+            line = self.lines[i]
+            name = f"unknown line at {line.frequency_hz:.4g} Hz"
+            if line.locked == "shaft":
+                name = f"unknown line at order {line.order:.4g} of shaft 1"
+            found.append(NamedSeries("unknown lines", name, {i: ""}))
+        return tuple(found)
 
     def mains(self, left: set[int]) -> list[NamedSeries]:
         """Lines of the supply; what both frequencies explain is of the one that explains more."""

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gearmon.diagnosis.evidence import LIMITS, Evidence, lines_strength, rare_strength
-from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, judge_kind
+from gearmon.diagnosis.fault_types.kinds import NONE, GearFeatures, focus_of, judge_kind
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding, crack_depth_mm
 from gearmon.diagnosis.law.machine import SPEED_UNIT, LevelDeviation
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
@@ -106,13 +106,13 @@ class Flagging(NamedTuple):
         What was compared.
     changes : tuple of Change
         Families of lines.
-    features : FeatureVector
+    features : dict of (int, str) to dict
         What kinds of fault are told by.
     """
 
     evidence: Evidence
     changes: tuple[Change, ...]
-    features: FeatureVector
+    features: GearFeatures
 
     def flags(self) -> tuple[Flag, ...]:
         """Flag what stands out, the strongest first."""
@@ -163,14 +163,18 @@ class Flagging(NamedTuple):
             explained = [f"one tooth explains {100 * spread.explained:.0f} % of the departure"]
             # an event that rings on around a small pinion is still one tooth's
             around = around and spread.explained < LIMITS.one_event
-            around = around or spread.one_tooth < self._least_sure(best)
+            row = self.features[best.key]
+            first, others = max(row["once_db"], row["twice_db"]), max(row["several_db"], 0.0)
+            runs_out = first - others > _RUNOUT_DB
+            around |= spread.one_tooth < (_ONE_TOOTH_AND_RUNOUT if runs_out else _ONE_TOOTH)
         if around:
             return self._spread_flag(finding, strength, [f"{departs} around its turn", *explained])
         tooth, _ = best.place
         peak = f"{best.deviation.peak:.1f} times the energy elsewhere in its turn"
         evidence, crack, sizes = [f"{departs} at tooth {tooth}: {peak}"], list[str](), {}
         if loss is not None:
-            sizes = {"": loss.loss, "_low": loss.low, "_high": loss.high}
+            ends = ("", "_low", "_high")
+            sizes = {f"stiffness_loss{end}": own for end, own in zip(ends, loss, strict=True)}
             evidence.append(
                 f"as a loss of {100 * loss.loss:.0f} % ({100 * loss.low:.0f} to "
                 f"{100 * loss.high:.0f} %) of the stiffness of that tooth's pair would make it"
@@ -186,18 +190,8 @@ class Flagging(NamedTuple):
             + (f" and {_UNTOLD[2]}" if lead < _SURE_LEAD else "")
             for name, number, lead in finding.rivals
         ]
-        more = {f"stiffness_loss{end}": size for end, size in sizes.items()}
         told = (*evidence, *crack)
-        return self._flag("tooth damage", strength, told, best.key, tooth=tooth, **more)
-
-    def _least_sure(self, best: GearEvidence) -> float:
-        """Probability from which a departure is called that of one tooth."""
-        features = self.features
-        if best.key not in features.gears:
-            return _ONE_TOOTH
-        row = features.named(features.gears.index(best.key))
-        first, others = max(row["once_db"], row["twice_db"]), max(row["several_db"], 0.0)
-        return _ONE_TOOTH_AND_RUNOUT if first - others > _RUNOUT_DB else _ONE_TOOTH
+        return self._flag("tooth damage", strength, told, best.key, tooth=tooth, **sizes)
 
     def _spread_flag(self, finding: ToothFinding, strength: float, evidence: list[str]) -> Flag:
         """Flag a departure that one tooth does not explain, by its kind where one is clear."""
@@ -213,9 +207,9 @@ class Flagging(NamedTuple):
             if spread.of_two_teeth:
                 return self._flag("several teeth", strength, evidence, best.key)
         # what departs repeats with all gears on its shaft: the one that changed most tells its kind
-        focus, order = self.features.gears[self.features.focus], best.deviation.order
-        focused = finding.of(*focus)
-        alike = focused is not None and abs(focused.deviation.order - order) <= 1e-9 * order
+        focus, order = focus_of(self.features), best.deviation.order
+        own = next((one.deviation.order for one in finding.searched if one.key == focus), 0.0)
+        alike = abs(own - order) <= 1e-9 * order
         kind, place, told = self._kind(focus if alike else best.key, _UNCLEAR, best.key)
         return self._flag(kind, strength, (*evidence, *told), place)
 
@@ -223,16 +217,13 @@ class Flagging(NamedTuple):
         self, gear: tuple[int, str], otherwise: str, place: _Place
     ) -> tuple[str, _Place, tuple[str, ...]]:
         """Kind of a fault of one gear, its place, and why; where no kind but one tooth is clear."""
-        finding = self.evidence.finding
-        if gear in self.features.gears:
-            own = finding.of(*gear) if finding is not None else None
-            spread = own.spread if own is not None else None
-            judged = judge_kind(self.features, gear=gear, spread=spread)
-            if judged.kind not in (NONE, "tooth damage") and judged.probability >= _NAMED:
-                likely = f"{judged.probability:.0%} by physical rules, not calibrated"
-                told = f"most like {judged.kind} ({likely})", *judged.evidence
-                return judged.kind, (judged.stage, judged.gear), told
-        return otherwise, place, ()
+        spread = next((own.spread for own in self.evidence.searched if own.key == gear), None)
+        judged = judge_kind(self.features, gear=gear, spread=spread)
+        if judged.kind in (NONE, "tooth damage") or judged.probability < _NAMED:
+            return otherwise, place, ()
+        likely = f"{judged.probability:.0%} by physical rules, not calibrated"
+        told = f"most like {judged.kind} ({likely})", *judged.evidence
+        return judged.kind, (judged.stage, judged.gear), told
 
     def _levels(self, nongear: bool) -> list[Flag]:
         """Flag changed levels: as noise, a path, a kind of a gear's fault, or as they are."""
@@ -257,8 +248,7 @@ class Flagging(NamedTuple):
             own = sentences([change for change in self.changes if group(change) == group(first)])
             # the kind of fault that they are most like
             plain = f"changed {first.kind}", (first.stage, first.gear)
-            focus = self.features.gears[self.features.focus]
-            kind, place, why = self._kind(focus, *plain)
+            kind, place, why = self._kind(focus_of(self.features), *plain)
             return [self._flag(kind, strength, (*why, *own), place)]
         # mains and bearings fill whole bands of the spectrum; no gear is to blame
         kind = "broadband rise" if noisy else "broadband change"

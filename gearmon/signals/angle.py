@@ -73,6 +73,13 @@ class AngleTrack:
         return float((self.turns[-1] - self.turns[0]) / (self.time_s[-1] - self.time_s[0]))
 
     @cached_property
+    def wander(self) -> float:
+        """Relative standard deviation of the speed over half seconds; 0 if too short."""
+        halves = np.arange(self.time_s[0], self.time_s[-1], 0.5)
+        turns = np.diff(self.turns_at(halves))
+        return float(np.std(turns) / np.mean(turns)) if len(turns) > 1 else 0.0
+
+    @cached_property
     def _pieces(self) -> FloatArray:
         """Time against angle: of each piece its beginning, value and slope there, and bends.
 

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, SignatureError, check_type, check_word
-from gearmon.files import write_atomically
+from gearmon.files import parquet, write_atomically
 from gearmon.result import Result
 
 INTEGER_COLUMNS = ("stage", "mesh_harmonic", "sideband")
@@ -180,7 +180,7 @@ def write_signature(signature: Signature, path: str | Path) -> None:
     suffix, about, columns = _suffix(Path(path)), _about(signature), dict(signature.columns)
     told: bytes | str
     if suffix == ".parquet":
-        pyarrow, file = _parquet(), io.BytesIO()
+        pyarrow, file = parquet(), io.BytesIO()
         own = {"gearmon": json.dumps(about, allow_nan=False)}
         pyarrow.parquet.write_table(pyarrow.table(columns).replace_schema_metadata(own), file)
         told = file.getvalue()
@@ -232,7 +232,7 @@ def read_signature(path: str | Path) -> Signature:
         data = source.read_bytes()
     except OSError as error:
         raise SignatureError(f"{source}: cannot be read ({error.strerror})") from None
-    pyarrow = _parquet() if suffix == ".parquet" else None
+    pyarrow = parquet() if suffix == ".parquet" else None
     try:
         about, columns = _read(data, suffix, pyarrow)
         if not isinstance(about, dict) or about.get("format") != FORMAT:
@@ -290,13 +290,3 @@ def _read(data: bytes, suffix: str, pyarrow: Any) -> tuple[Any, dict[str, Any]]:
     numeric = [name for name in COLUMNS if name not in TEXT_COLUMNS and name in table]
     table[numeric] = table[numeric].apply(pd.to_numeric, errors="coerce")
     return about, {str(name): table[name].tolist() for name in table}
-
-
-def _parquet() -> Any:
-    try:
-        import pyarrow.parquet
-    except ImportError:
-        raise ArgumentError(
-            "Parquet files need pyarrow: pip install 'gearmon[parquet]', or use .csv or .json"
-        ) from None
-    return pyarrow

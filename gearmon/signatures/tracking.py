@@ -273,7 +273,7 @@ class GearVibration:
             return replace(first, notes=("no mesh harmonic lies below the Nyquist frequency",))
         track, share = phases.follow_lines(sums, first.track, self.comb)
         found = replace(first, track=track, coherent=share)
-        calm = share > (_NEARLY if wander(track) < _WANDERS else COHERENT)
+        calm = share > (_NEARLY if track.wander < _WANDERS else COHERENT)
         if not calm:
             # a broken tooth fills the orders of its gear, and the comb suits two speeds alike
             course = phases.integrate_speed(first.scan.elsewhere(_BESIDE), self.last_s)
@@ -282,7 +282,7 @@ class GearVibration:
                 judged = replace(self.judged(other), coherent=its)
                 if judged.detected >= found.detected:
                     found, track, share, calm = judged, other, its, its > COHERENT
-        if share > COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
+        if share > COHERENT and first.detected < len(first.evidence) and track.wander > _WANDERS:
             # a speed that wanders smears lines in long blocks
             judged = replace(self.judged(track), coherent=share)
             if judged.detected > first.detected and _agrees(judged):
@@ -398,7 +398,7 @@ class Tracking:
             uncertainty = 0.5 * relative * track.mean_hz
         # where lines stand in one spectrum of the whole recording: at the mean if a tachometer
         # tells it, and where they have no one place
-        peak_hz, told = track.mean_hz, track.method == "tacho" or wander(track) > _PEAK_TOLERANCE
+        peak_hz, told = track.mean_hz, track.method == "tacho" or track.wander > _PEAK_TOLERANCE
         if not told and signal.samples.shape[-1] <= _PEAK_SAMPLES:
             peak_hz = signal.scan(np.inf, _PEAK_TOLERANCE, about_hz=peak_hz).track().mean_hz
         return Speed(
@@ -612,12 +612,3 @@ def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:
             )
     track = replace(track, uncertainty_turns=float(doubt))
     return replace(found, track=track, notes=notes, held_s=held_s, lost=lost)
-
-
-def wander(track: AngleTrack) -> float:
-    """Return the relative standard deviation of the speed over half seconds; 0 if too short."""
-    halves = np.arange(track.time_s[0], track.time_s[-1], 0.5)
-    if len(halves) < 3:
-        return 0.0
-    turns = np.diff(track.turns_at(halves))
-    return float(np.std(turns) / np.mean(turns))

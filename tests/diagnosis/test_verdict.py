@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from reference.gear_departures import TEETH, complex_noise, gear, machine, weights
+from reference.gear_departures import TEETH, beside_others, gear, machine, weights
 
 from gearmon.diagnosis.alone import mesh_lost, own_teeth_flags, own_teeth_reason
 from gearmon.diagnosis.evidence import (
@@ -20,7 +20,7 @@ from gearmon.diagnosis.evidence import (
     false_alarm_probability,
 )
 from gearmon.diagnosis.fault_types import NAMES
-from gearmon.diagnosis.fault_types.kinds import FeatureVector, rule_probabilities
+from gearmon.diagnosis.fault_types.kinds import rule_probabilities
 from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, LossEstimate, ToothFinding
 from gearmon.diagnosis.hypotheses.turns import runout_growth
@@ -56,7 +56,7 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), **off
     finding = None
     if own is not None:
         searched = GearEvidence(deviation=own.difference, search=own)
-        finding = ToothFinding((searched,), machine(), 25.0)
+        finding = ToothFinding((searched,), machine())
         finding.evidence = 80.0
         vars(finding)["loss"] = LossEstimate(loss=0.2, low=0.15, high=0.25)
     deviation = MachineDeviation(
@@ -109,10 +109,7 @@ def change(level_db, kind="sidebands", gear_name="pinion", harmonic=1, scatter_d
 
 def features(**changed):
     row = dict.fromkeys(NAMES, 0.0) | {"turns_known": 1.0, "teeth_involved": 4.0} | changed
-    return FeatureVector(
-        gears=((1, "gear"), (1, "pinion")),
-        values=np.array([np.zeros(len(NAMES)), [row[name] for name in NAMES]]),
-    )
+    return {(1, "gear"): dict.fromkeys(NAMES, 0.0), (1, "pinion"): row}
 
 
 PITTED = np.where(np.arange(TEETH) % 3 > 0, np.random.default_rng(1).uniform(0, 2, TEETH), 0.0)
@@ -158,10 +155,7 @@ def test_the_second_of_two_teeth_is_told():
 def half_explained(seed):
     """One tooth beside unrelated lines of nearly the same power."""
     own = gear(weights(3), seed=seed, height=10 * np.sqrt(0.55), noise=0.0)
-    rng = np.random.default_rng([6, seed])
-    for band in own.difference.bands:
-        band.rest[:] += 10 * np.sqrt(0.45) * complex_noise(rng, *band.rest.shape)
-    return own
+    return beside_others(own, 10 * np.sqrt(0.45), 6, seed)
 
 
 def test_runout_asks_for_more_before_a_tooth_is_blamed():
@@ -184,7 +178,7 @@ def test_a_loud_gear_that_is_hardly_believed_competes_with_those_of_its_own_line
     sure, unsure = (GearEvidence(deviation=own.difference, search=own) for own in (first, loud))
     unsure.believed = 0.01 * sure.believed
     assert unsure.log_factor > sure.log_factor
-    finding = ToothFinding((sure, unsure), machine(), 25.0)
+    finding = ToothFinding((sure, unsure), machine())
     assert finding.evidence == sure.believed
     assert bool(finding.rivals) == competes
     assert competes or finding.best is sure
@@ -379,7 +373,9 @@ def test_runout_is_not_blamed_for_a_bearing_or_a_moved_sensor():
 
 
 def test_the_spread_overrules_a_peak_of_the_energy():
-    row = features(far_db=6.0, several_db=5.0, peak_db=16.0, peaks=1.0, teeth_involved=3.0).named(1)
+    row = features(far_db=6.0, several_db=5.0, peak_db=16.0, peaks=1.0, teeth_involved=3.0)[
+        1, "pinion"
+    ]
     assert rule_probabilities(row)["tooth damage"] > 0.5
     assert rule_probabilities(row, departure_spread(gear(PITTED)))["tooth damage"] < 0.01
     flat = row | {"peak_db": 2.0}

@@ -95,3 +95,11 @@ def held_against(new, healthy, *, same_zero=True, states=None, state=(0.0, 0.0))
         states=np.zeros((len(healthy), 2)) if states is None else np.asarray(states, dtype=float),
     )
     return law.deviation(new, np.asarray(state, dtype=float), same_zero=same_zero)
+
+
+def beside_others(own, size, *seed):
+    """A gear whose departure has unrelated lines of this size as well."""
+    rng = np.random.default_rng(seed)
+    for band in own.difference.bands:
+        band.rest[:] += size * complex_noise(rng, *band.rest.shape)
+    return search_gear(own.difference, response(), SPEED_HZ)

@@ -15,7 +15,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import load_machine
 from gearmon.signals.angle import AngleTrack
 from gearmon.signatures.speed_channels import track_recording
-from gearmon.signatures.tracking import GearVibration, Tracking, _with_doubt, wander
+from gearmon.signatures.tracking import GearVibration, Tracking, _with_doubt
 
 
 def slipped(track, turns, at_s, lasting_s=0.4):
@@ -144,7 +144,7 @@ def test_wander_is_that_of_the_speed_whichever_shaft_is_counted(order):
     track = track_of(
         lambda time: order * 25.0 * time * (1 + rise * (time / last_s - 1) / 2), last_s, 2000
     )
-    assert wander(track) == pytest.approx(rise / np.sqrt(12), rel=0.01)
+    assert track.wander == pytest.approx(rise / np.sqrt(12), rel=0.01)
 
 
 @pytest.mark.parametrize("fastest", [0.9, 1.03, 1.1, 1.4])

@@ -101,62 +101,28 @@ _OF_A_MESH = ("wear",)
 
 
 _Gear = tuple[int, str]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class FeatureVector:
-    """Features of every gear that was looked at.
-
-    Parameters
-    ----------
-    gears : tuple of (int, str)
-        Stage and gear of each row; gear "" where only the mesh of a stage could be compared.
-    values : ndarray of float, shape (gears, len(NAMES))
-        Finite; columns as in `FEATURES`.
-    """
-
-    gears: tuple[tuple[int, str], ...]
-    values: FloatArray
-
-    @property
-    def focus(self) -> int:
-        """Row with the most evidence of a change, whatever its kind."""
-        column = dict(zip(NAMES, self.values.T, strict=True))
-        sides = [column[name] for name in ("near_db", "far_db", "once_db", "twice_db")]
-        # the greatest of the healthy teeth of a gear stands some 4 dB above their median
-        local = np.maximum(column["peak_db"] - 4.0, 0.0)
-        evidence = np.maximum(np.max(sides, axis=0), 0.0) + local + 0.5 * column["mesh_rms_db"]
-        return int(np.argmax(evidence))
-
-    def row(self, gear: _Gear | None = None) -> int:
-        """Return the row of a gear (stage and name), or the focus if none is named.
-
-        Raises
-        ------
-        ArgumentError
-            If that gear was not looked at.
-        """
-        if gear is None:
-            return self.focus
-        if gear in self.gears:
-            return self.gears.index(gear)
-        known = ", ".join(f"{name or 'mesh'} of stage {stage}" for stage, name in self.gears)
-        raise ArgumentError(
-            f"gear {gear[1]!r} of stage {gear[0]} was not looked at; known: {known}"
-        )
-
-    def named(self, row: int) -> dict[str, float]:
-        """Return one row as name -> value."""
-        return dict(zip(NAMES, self.values[row].tolist(), strict=True))
-
-
 _ByGear = Mapping[_Gear, FloatArray]
 _NOTHING: _ByGear = {}
+#: What each of `FEATURES` is of every gear that was looked at, by stage and gear; gear "" where
+#: only the mesh of a stage could be compared.
+GearFeatures = dict[_Gear, dict[str, float]]
+
+
+def focus_of(features: GearFeatures) -> _Gear:
+    """Return the gear with the most evidence of a change, whatever its kind."""
+
+    def evidence(gear: _Gear) -> float:
+        own = features[gear]
+        sides = (own[name] for name in ("near_db", "far_db", "once_db", "twice_db"))
+        # the greatest of the healthy teeth of a gear stands some 4 dB above their median
+        return max(0.0, *sides) + max(own["peak_db"] - 4.0, 0.0) + 0.5 * own["mesh_rms_db"]
+
+    return max(features, key=evidence)
 
 
 def kind_features(
     changes: Sequence[Change], energies: _ByGear = _NOTHING, sidebands: _ByGear = _NOTHING
-) -> FeatureVector:
+) -> GearFeatures:
     """Condense changes against the healthy machine to the features of each gear.
 
     Parameters
@@ -170,8 +136,9 @@ def kind_features(
 
     Returns
     -------
-    FeatureVector
-        Free of NaN: what could not be compared counts as unchanged.
+    dict of (int, str) to dict
+        By stage and gear, in this order; free of NaN: what could not be compared counts as
+        unchanged.
 
     Raises
     ------
@@ -214,7 +181,8 @@ def kind_features(
     shown = np.where(among, column[:, None], -np.inf).max(axis=2).T
     overall = np.full(len(own), np.sqrt(np.mean((moved_db if len(moved_db) else still) ** 2)))
     values = np.column_stack([own, np.where(np.isfinite(shown), shown, 0.0), overall])
-    return FeatureVector(gears=ranked, values=values)
+    told = (dict(zip(NAMES, row, strict=True)) for row in values.tolist())
+    return dict(zip(ranked, told, strict=True))
 
 
 def _grouped(
@@ -303,7 +271,7 @@ class KindJudgement(Result):
 
 
 def judge_kind(
-    features: FeatureVector,
+    features: GearFeatures,
     classifier: KindClassifier | None = None,
     *,
     gear: _Gear | None = None,
@@ -313,12 +281,12 @@ def judge_kind(
 
     Parameters
     ----------
-    features : FeatureVector
+    features : dict of (int, str) to dict
         See `kind_features`.
     classifier : KindClassifier, optional
         Trained by `fault_types.training.train_kinds` on this machine; by default the rules judge.
     gear : (int, str), optional
-        Stage and gear that was found damaged by other means; by default the gear with the most
+        One of `features` that was found damaged by other means; by default the gear with the most
         evidence.
     spread : DepartureSpread, optional
         How far the departure of that gear is one tooth's; the rules then rest on it. A classifier
@@ -331,31 +299,29 @@ def judge_kind(
     Raises
     ------
     ArgumentError
-        If that gear was not looked at, or the classifier was trained on other features.
+        If the classifier was trained on other features.
     """
-    row = features.row(gear)
+    stage, name = gear = gear or focus_of(features)
+    row = features[gear]
     if classifier is None:
-        probabilities = rule_probabilities(features.named(row), spread)
+        probabilities = rule_probabilities(row, spread)
     else:
-        values = features.values[row : row + 1]
-        if classifier.n_features_in_ != values.shape[1]:
+        if classifier.n_features_in_ != len(row):
             raise ArgumentError(
                 f"the classifier was trained on {classifier.n_features_in_} features, not on "
-                f"{values.shape[1]}; train it anew"
+                f"{len(row)}; train it anew"
             )
-        shares = classifier.predict_proba(values)[0].tolist()
+        shares = classifier.predict_proba([[*row.values()]])[0].tolist()
         probabilities = dict(zip(map(str, classifier.classes_.tolist()), shares, strict=True))
     kind = max(probabilities, key=lambda name: probabilities[name])
-    own_stage, own_gear = features.gears[row]
-    single = own_gear if own_gear and kind not in (*_OF_A_MESH, NONE) else None
     return KindJudgement(
         kind=kind,
-        stage=None if kind == NONE else own_stage,
-        gear=single,
+        stage=None if kind == NONE else stage,
+        gear=None if kind in (*_OF_A_MESH, NONE) else name or None,
         probability=probabilities[kind],
         probabilities=probabilities,
         method="rules" if classifier is None else "classifier",
-        evidence=_evidence(kind, features.gears[row], features.named(row)),
+        evidence=_evidence(kind, gear, row),
     )
 
 
@@ -484,11 +450,11 @@ def kind_of_analysis(
         return None
     features = analysis_features(analysis, reference)
     flagged = [(flag.stage, flag.gear) for flag in analysis.flags]
-    known = [gear for gear in features.gears if gear in flagged]
-    return judge_kind(features, classifier, gear=min(known, key=flagged.index, default=None))
+    first = min((gear for gear in features if gear in flagged), key=flagged.index, default=None)
+    return judge_kind(features, classifier, gear=first)
 
 
-def analysis_features(analysis: Analysis, reference: Reference | None) -> FeatureVector:
+def analysis_features(analysis: Analysis, reference: Reference | None) -> GearFeatures:
     """Condense an analysis to what a kind is judged by.
 
     Parameters
@@ -500,7 +466,8 @@ def analysis_features(analysis: Analysis, reference: Reference | None) -> Featur
 
     Returns
     -------
-    FeatureVector
+    dict of (int, str) to dict
+        See `kind_features`.
 
     Raises
     ------
@@ -560,13 +527,13 @@ def features(
 
     several = [analyses] if isinstance(analyses, Analysis) else analyses
     check_type("analyses", several, Iterable, "what gearmon.analyse returns, or several of it")
-    index, values = [], []
+    index, rows = [], list[dict[str, float]]()
     for analysis in several:
         check_type("analyses", analysis, Analysis, "what gearmon.analyse returns")
         found = analysis_features(analysis, reference)
-        index += [(analysis.recording, *gear) for gear in found.gears]
-        values.append(found.values)
-    if not values:
+        index += [(analysis.recording, *gear) for gear in found]
+        rows += found.values()
+    if not rows:
         raise ArgumentError("analyses: none is given; features need at least one")
-    rows = pd.MultiIndex.from_tuples(index, names=["recording", "stage", "gear"])
-    return pd.DataFrame(np.concatenate(values), index=rows, columns=list(NAMES))
+    names = ["recording", "stage", "gear"]
+    return pd.DataFrame(rows, index=pd.MultiIndex.from_tuples(index, names=names))

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
-from gearmon.diagnosis.fault_types.kinds import KINDS, NONE, FeatureVector, kind_features
+from gearmon.diagnosis.fault_types.kinds import KINDS, NONE, GearFeatures, focus_of, kind_features
 from gearmon.diagnosis.hypotheses.turns import NEAR, departure_energy, turn_changes
 from gearmon.diagnosis.law.machine import LevelDeviation
 from gearmon.diagnosis.verdict import level_changes
@@ -128,7 +128,7 @@ def train_kinds(
 
 def training_table(made: list[Example]) -> tuple[FloatArray, NDArray[np.str_]]:
     """Return the feature rows in focus and their kinds."""
-    rows = np.array([one.features.values[one.features.focus] for one in made])
+    rows = np.array([[*one.features[focus_of(one.features)].values()] for one in made])
     return rows, np.array([one.kind for one in made])
 
 
@@ -163,7 +163,7 @@ class Example:
 
     Attributes
     ----------
-    features : FeatureVector
+    features : dict of (int, str) to dict
         What an analysis would have seen.
     kind : str
         Kind of the fault.
@@ -526,7 +526,7 @@ class _Sensors:
         # of the gears of which more than a mesh order is in range
         return *levels, [own for own in wheels if len(own.number) > own.teeth]
 
-    def features(self, one: _Measured, two: _Measured) -> FeatureVector:
+    def features(self, one: _Measured, two: _Measured) -> GearFeatures:
         """Compare families of lines, channel by channel, turns of the gears, single sidebands."""
         (before, error_db, known_wheels), (level_db, new_error_db, wheels) = one, two
         after = level_db + self.rng.normal(0, self.rng.uniform(0.3, 1.5), level_db.shape)

@@ -130,30 +130,6 @@ CHANCES = np.repeat(np.divide([0.1, 0.25, 0.225, 0.225, 0.2], _SIZES), _SIZES)
 _TAIL = 0.2
 
 
-def growth_rows(time_s: FloatArray, tau_s: FloatArray, end_s: float, growth: Growth) -> FloatArray:
-    """Return a course that began at some places, as rows.
-
-    Parameters
-    ----------
-    time_s : ndarray of float, shape (n,)
-        Times [s].
-    tau_s : ndarray of float, shape (places,)
-        Where it began [s], before `end_s`.
-    end_s : float
-        Time of the last recording [s].
-    growth : Growth
-
-    Returns
-    -------
-    ndarray of float, shape (places, n)
-        Of growth ``L growth((t - tau) / L)`` with ``L = end_s - tau``: of mean slope 1 up to the
-        last one. A step has the height 1.
-    """
-    span = np.maximum(end_s - tau_s, _TINY)[:, None]
-    share = (time_s - tau_s[:, None]) / span
-    return np.asarray(growth.at(share) * (span if growth.exponent else 1.0))
-
-
 @dataclass(frozen=True, kw_only=True)
 class ChangePoint:
     """One change of a series.
@@ -164,21 +140,18 @@ class ChangePoint:
         Its course.
     time_s : float
         Of growth when it began; of a step the middle between the two recordings [s].
-    end_s : float
-        Time of the last recording [s].
     low_s, high_s : float
         Interval of `time_s` [s], at `LEVEL`; see `open_before`.
     open_before : bool
         Whether the interval begins with the first recording: it may have begun before.
     size : float
-        Growth: change of slope, mean up to the last recording [1/s]. Step: its height.
+        How much higher values are for it at the last recording.
     false_alarm_probability : float
         Bound on the probability that noise gives as clear a change anywhere in the series.
     """
 
     growth: Growth
     time_s: float
-    end_s: float
     low_s: float = -math.inf
     high_s: float = math.inf
     open_before: bool = True
@@ -229,33 +202,39 @@ class Series:
         """Return the number of values."""
         return len(self.time_s)
 
+    def shares(self, time_s: FloatArray, begin_s: FloatArray | float) -> FloatArray:
+        """Return times as shares of that from a begin to the last recording."""
+        return np.asarray((time_s - begin_s) / np.maximum(self.time_s[-1] - begin_s, _TINY))
 
-def change_columns(
-    time_s: FloatArray, changes: Sequence[ChangePoint], *, tangents: bool = False
-) -> FloatArray:
-    """Return a constant and the shapes of some changes as columns.
+    def columns(
+        self, time_s: FloatArray, changes: Sequence[ChangePoint], *, tangents: bool = False
+    ) -> FloatArray:
+        """Return a constant and the courses of some changes as columns.
 
-    Parameters
-    ----------
-    time_s : ndarray of float, shape (n,)
-        Times [s].
-    changes : sequence of ChangePoint
-    tangents : bool
-        Whether growth brings the directions in which it would move and bend as well: what growth
-        that is a little off leaves behind must not be taken for another change.
+        Parameters
+        ----------
+        time_s : ndarray of float, shape (n,)
+            Times [s].
+        changes : sequence of ChangePoint
+        tangents : bool
+            Whether growth brings the directions in which it would move and bend as well: what
+            growth that is a little off leaves behind must not be taken for another change.
 
-    Returns
-    -------
-    ndarray of float, shape (n, columns)
-    """
-    columns = [np.ones(len(time_s))]
-    for change in changes:
-        place, growth = np.array([change.time_s]), change.growth
-        columns.append(growth_rows(time_s, place, change.end_s, growth)[0])
-        if tangents and growth.exponent:
-            share = (time_s - change.time_s) / (change.end_s - change.time_s)
-            columns += growth.tangents(share)
-    return np.column_stack(columns)
+        Returns
+        -------
+        ndarray of float, shape (n, columns)
+        """
+        columns = [np.ones(len(time_s))]
+        for change in changes:
+            share = self.shares(time_s, change.time_s)
+            columns.append(change.growth.at(share))
+            columns += change.growth.tangents(share) if tangents and change.growth.exponent else []
+        return np.column_stack(columns)
+
+    def solver(self, changes: Sequence[ChangePoint]) -> FloatArray:
+        """Return what makes values, in standard deviations, the constant and sizes of changes."""
+        columns = self.columns(self.time_s, changes)
+        return np.asarray(np.linalg.pinv(columns / self.sigma[:, None]))
 
 
 def find_changes(
@@ -298,7 +277,7 @@ def find_changes(
     timed = (_timed(series, one, [c for c in found if c is not one]) for one in found)
     placed = sorted(timed, key=lambda change: change.time_s)
     # the sizes of all are fitted together
-    sizes = _solver(series, placed) @ (series.value / series.sigma)
+    sizes = series.solver(placed) @ (series.value / series.sigma)
     return tuple(replace(c, size=float(x)) for c, x in zip(placed, sizes[1:], strict=True))
 
 
@@ -356,12 +335,12 @@ def _repaired(series: Series, below: float) -> list[ChangePoint]:
     """
     if not series.sigma_known or len(series) < FEWEST + 2:
         return []
-    fits, end = Fits.of(series, ()), float(series.time_s[-1])
+    fits = Fits.of(series, ())
     scatter = np.linalg.norm(fits.rest) / math.sqrt(len(series))
     if scatter < _UNEXPLAINED or change_probability(series) < below:
         return []
     places = fits.places[fits.courses == 0].tolist()
-    steps = [ChangePoint(growth=STEP, time_s=place, end_s=end) for place in places]
+    steps = [ChangePoint(growth=STEP, time_s=place) for place in places]
     pairs = [[step, _search(series, [step])] for step in steps]
     best = min(pairs, key=lambda pair: pair[1].false_alarm_probability)
     if best[1].false_alarm_probability * len(places) >= below:
@@ -388,19 +367,19 @@ def _refined(series: Series, found: list[ChangePoint], below: float) -> list[Cha
         for number in range(len(found)):
             others = found[:number] + found[number + 1 :]
             better = _search(series, others)
-            if better.time_s < better.end_s:
+            if better.time_s < series.time_s[-1]:
                 found[number] = _bent(series, better, others)
     return [change for change in found if change.false_alarm_probability < below]
 
 
 def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint:
     """Return the clearest change beside those known; where there is none, one at the end."""
-    fits, end = Fits.of(series, tuple(known)), float(series.time_s[-1])
+    fits = Fits.of(series, tuple(known))
     left, size = fits.dimensions, float(np.linalg.norm(fits.rest))
     # less than known noise leaves: whatever the shape, the probability of the two families is 1
     quiet = series.sigma_known and 2.0 * known_noise_bound(size, 0.0) >= 1.0
     if quiet or left < 3 or size <= 1e-12 * np.linalg.norm(series.value / series.sigma):
-        return ChangePoint(growth=STRAIGHT, time_s=end, end_s=end)
+        return ChangePoint(growth=STRAIGHT, time_s=float(series.time_s[-1]))
     lengths = []
     for course in (0, 1):
         path = fits.paths[(fits.courses == course) & (fits.sizes > 0)]
@@ -415,15 +394,7 @@ def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint:
         probability = max(probability, least)
     growth, time_s = COURSES[fits.courses[best]], float(fits.places[best])
     chance = min(1.0, probability) if lengths else 1.0
-    return ChangePoint(growth=growth, time_s=time_s, end_s=end, false_alarm_probability=chance)
-
-
-def _solver(series: Series, changes: Sequence[ChangePoint]) -> FloatArray:
-    """Return what makes values, in standard deviations, the constant and the sizes of changes."""
-    columns = change_columns(series.time_s, changes) / series.sigma[:, None]
-    # seconds of years stand beside ones
-    scale = np.linalg.norm(columns, axis=0)
-    return np.asarray(np.linalg.pinv(columns / scale) / scale[:, None])
+    return ChangePoint(growth=growth, time_s=time_s, false_alarm_probability=chance)
 
 
 @dataclass(kw_only=True, eq=False)
@@ -439,7 +410,7 @@ class Fits:
     courses : ndarray of int, shape (fits,)
         Its course, by its number in `COURSES`.
     tangents : bool
-        Whether the known changes may move and bend as well, see `change_columns`.
+        Whether the known changes may move and bend as well, see `Series.columns`.
 
     Attributes
     ----------
@@ -468,7 +439,7 @@ class Fits:
     def __post_init__(self) -> None:
         """Fit all of them."""
         series, known, places = self.series, self.known, self.places
-        base = change_columns(series.time_s, known, tangents=self.tangents)
+        base = series.columns(series.time_s, known, tangents=self.tangents)
         basis = np.linalg.qr(base / series.sigma[:, None])[0]
         shapes = self._rows(series.time_s, np.arange(len(places)))
         whole = np.vstack([series.value, shapes]) / series.sigma
@@ -528,8 +499,8 @@ class Fits:
         What the known columns explain of the one more is taken off it, so that its size is
         independent of theirs and the variances add (Frisch and Waugh).
         """
-        series, solver = self.series, _solver(self.series, self.known)
-        known, rows = change_columns(time_s, self.known), self._rows(time_s, which)
+        series, solver = self.series, self.series.solver(self.known)
+        known, rows = series.columns(time_s, self.known), self._rows(time_s, which)
         if weights is not None:
             known, rows = weights @ known, rows @ weights.T
         explained = self._rows(series.time_s, which) / series.sigma @ solver.T
@@ -543,12 +514,11 @@ class Fits:
 
     def _rows(self, time_s: FloatArray, which: IntArray) -> FloatArray:
         """Shapes of the one more at some times, shape (some, times)."""
-        end, rows = float(self.series.time_s[-1]), np.empty((len(which), len(time_s)))
-        places, courses = self.places[which], self.courses[which]
+        shares, courses = self.series.shares(time_s, self.places[which, None]), self.courses[which]
         for number in np.unique(courses):
             own = courses == number
-            rows[own] = growth_rows(time_s, places[own], end, COURSES[number])
-        return rows
+            shares[own] = COURSES[number].at(shares[own])
+        return shares
 
 
 def _bent(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) -> ChangePoint:
@@ -570,8 +540,6 @@ def _timed(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) -
     A small change may be a step as well as growth: the interval is that of both.
     """
     times, fits = series.time_s, Fits.of(series, tuple(others), bent=True)
-    if fits.freedom < 1:
-        return replace(change, low_s=float(times[0]), high_s=float(times[-1]))
     steps, begun = fits.courses == 0, fits.places[fits.courses == 1]
     # every time is as likely beforehand, and places stand closer together where recordings do
     width = [np.gradient(fits.places[steps]), np.tile(np.gradient(begun), len(GROWTHS))]

@@ -15,7 +15,6 @@ import shutil
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from importlib.util import find_spec
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
@@ -23,7 +22,7 @@ from typing import Any
 
 from gearmon.diagnosis.history.entries import ENTRY, Entry, History, Place, duplicate_time
 from gearmon.errors import ArgumentError, GearmonError, SignatureError
-from gearmon.files import replacing, write_atomically
+from gearmon.files import parquet, replacing, write_atomically
 
 #: "GMhi": SQLite files of other programs have another mark.
 APPLICATION_ID = 0x474D6869
@@ -126,8 +125,6 @@ def summarise(store: sqlite3.Connection, machines: Iterable[str]) -> None:
     for machine in map(as_text, machines):
         asked = "SELECT time_s, verdict, score FROM recordings WHERE machine = ? "
         told = store.execute(asked + "ORDER BY time_s DESC", (machine,)).fetchall()
-        if not told:
-            continue
         alike = next(groupby(told, key=itemgetter("verdict")))[1]
         last = recording(store, machine, told[0]["time_s"])
         kept = {name: last[name] for name in ("machine", "time_s", "verdict", "score", "findings")}
@@ -372,10 +369,7 @@ def export_history(history: History, path: str | Path) -> Path:
     if target.suffix.lower() == ".csv":
         write_atomically(target, frame.to_csv(index=False, lineterminator="\n"))
     elif target.suffix.lower() == ".parquet":
-        if find_spec("pyarrow") is None:
-            raise ArgumentError(
-                "Parquet files need pyarrow: pip install 'gearmon[parquet]', or use .csv"
-            )
+        parquet()  # or it says what is missing
         with replacing(target) as temporary:
             frame.to_parquet(temporary, index=False)
     else:

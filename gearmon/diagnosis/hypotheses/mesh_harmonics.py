@@ -28,8 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.diagnosis.hypotheses import tooth_match
-from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear, log_mean
+from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear, log_mean, ringing
 from gearmon.diagnosis.law.gear_lines import BandDeviation
 from gearmon.machine import Machine
 from gearmon.signatures.expected.tooth_response import GROWN, grown_lines
@@ -96,7 +95,7 @@ class LossEstimate(NamedTuple):
     high: float
 
 
-def loss_estimate(gear: SearchedGear, machine: Machine, speed_hz: float) -> LossEstimate:
+def loss_estimate(gear: SearchedGear, machine: Machine) -> LossEstimate:
     """Estimate the loss of the most likely tooth of a gear.
 
     Parameters
@@ -105,8 +104,6 @@ def loss_estimate(gear: SearchedGear, machine: Machine, speed_hz: float) -> Loss
         The gear to blame.
     machine : Machine
         Its machine.
-    speed_hz : float
-        Speed of shaft 1 [Hz].
 
     Returns
     -------
@@ -116,7 +113,7 @@ def loss_estimate(gear: SearchedGear, machine: Machine, speed_hz: float) -> Loss
     steps = np.log(LOSSES)
     likely = _blurred(gear.log_likelihood[:, gear.best], steps, _SEARCHED)
     total = np.interp(_FINE, steps, np.log(likely))
-    for harmonic in _harmonics(gear, machine, speed_hz):
+    for harmonic in _harmonics(gear, machine):
         # a line that is out of phase is not the event's alone
         each = harmonic.ratio / (np.abs(harmonic.ratio) * harmonic.noise)
         most = 1.0 / np.sum(1.0 / harmonic.noise) + np.angle(np.sum(each, axis=1)) ** 2
@@ -160,7 +157,7 @@ class _Harmonic(NamedTuple):
     unsure: FloatArray
 
 
-def _harmonics(gear: SearchedGear, machine: Machine, speed_hz: float) -> Iterator[_Harmonic]:
+def _harmonics(gear: SearchedGear, machine: Machine) -> Iterator[_Harmonic]:
     """Mesh harmonics that tell; none of a set, whose planets bring every line together."""
     difference = gear.difference
     if difference.mesh_lines is None or difference.gear not in ("pinion", "gear"):
@@ -168,9 +165,8 @@ def _harmonics(gear: SearchedGear, machine: Machine, speed_hz: float) -> Iterato
     own = gear.response
     sound, grown = grown_lines(machine, own.stage, own.gear, len(own.lines) - 1)
     last = min(len(sound), difference.mesh_power.shape[1]) - 1
-    rotation_hz, teeth = difference.order * speed_hz, difference.teeth
-    delays = [tooth_match.event_delays(own, rotation_hz, t) for t in tooth_match.DECAY_S]
-    delay = np.concatenate(delays) + gear.best / (teeth * rotation_hz)
+    rotation_hz, teeth = gear.rotation_hz, difference.teeth
+    delay = np.concatenate(gear.delays) + gear.best / (teeth * rotation_hz)
     sizes = np.abs(grown[:, teeth::teeth])
     sizes = sizes[:, sizes[0] > 0]
     usual = np.median(np.log(sizes / sizes[0]), axis=1) if sizes.size else np.zeros(len(GROWN))
@@ -203,7 +199,7 @@ def _at_mesh(
     The event is a sum of random impulses at the given delays, of the power that the band has.
     Between them what is told in the same way of the lines `grown`, shape (losses, channels).
     """
-    lines = tooth_match.ringing(np.append(band.number, number)[None] * rotation_hz, delay)[0]
+    lines = ringing(np.append(band.number, number)[None] * rotation_hz, delay)[0]
     white = lines[:-1] / band.deviation[:, :, None]
     energy = np.abs(band.rest) ** 2
     power = np.maximum(np.mean((energy - 1.0) * band.deviation**2, axis=1), 0.0)
@@ -218,7 +214,7 @@ def _at_mesh(
     return np.where(power > 0, value, 0.0), expected, variance
 
 
-def log_caused(gear: SearchedGear, machine: Machine, speed_hz: float) -> float:
+def log_caused(gear: SearchedGear, machine: Machine) -> float:
     """Tell how well the mesh harmonics suit damage of the most likely tooth of a gear.
 
     Parameters
@@ -227,8 +223,6 @@ def log_caused(gear: SearchedGear, machine: Machine, speed_hz: float) -> float:
         The gear.
     machine : Machine
         Its machine.
-    speed_hz : float
-        Speed of shaft 1 [Hz].
 
     Returns
     -------
@@ -240,7 +234,7 @@ def log_caused(gear: SearchedGear, machine: Machine, speed_hz: float) -> float:
     """
     near = np.abs(_FINE[:, None] - _GRID).argmin(axis=1)
     known, unknown = np.zeros(_FINE.shape), np.zeros(_FACTORS.shape)
-    for harmonic in _harmonics(gear, machine, speed_hz):
+    for harmonic in _harmonics(gear, machine):
         unsure, weight = _WIDER**2 * harmonic.unsure, len(harmonic.noise) ** -0.5
         for ratio, noise in zip(harmonic.ratio.T, harmonic.noise, strict=True):
             away = _apart(np.log(np.abs(ratio))) + 1j * np.angle(ratio)[near]
@@ -271,7 +265,7 @@ def share_lines(one: SearchedGear, other: SearchedGear) -> bool:
 
 
 def most_likely(
-    gears: Sequence[SearchedGear], machine: Machine, speed_hz: float
+    gears: Sequence[SearchedGear], machine: Machine
 ) -> tuple[SearchedGear, tuple[tuple[SearchedGear, float], ...]]:
     """Choose the gear to blame.
 
@@ -281,8 +275,6 @@ def most_likely(
         At least one.
     machine : Machine
         Their machine.
-    speed_hz : float
-        Speed of shaft 1 [Hz].
 
     Returns
     -------
@@ -305,7 +297,7 @@ def most_likely(
         if again > 0:
             return -again if base is one else again
         by_factors = float(np.log(one.log_gear / other.log_gear))
-        first, second = (log_caused(gear, machine, speed_hz) for gear in (one, other))
+        first, second = (log_caused(gear, machine) for gear in (one, other))
         return first - second + _BY_FACTORS * by_factors
 
     ranked = sorted(gears, key=lambda gear: -gear.log_gear)

@@ -73,26 +73,17 @@ class Band(NamedTuple):
 
 def bands_of(gear: SearchedGear) -> Iterator[Band]:
     """Return the departure of a gear about each mesh harmonic in each channel."""
-    teeth, difference, response = gear.difference.teeth, gear.difference, gear.response
-    for band in difference.bands:
-        inside = band.number < len(response.lines)
-        number = band.number[inside]
-        if len(number) < 2:
-            continue
-        heard = np.sqrt(response.band_power(number.astype(np.float64), band.side))
-        place = np.exp(2j * np.pi / teeth * np.outer(np.arange(teeth), number))
-        offset = (number - teeth * band.harmonic) / teeth
-        for rest, deviation in zip(band.rest, band.deviation, strict=True):
-            level = heard / deviation[inside]
-            mean = float(np.sqrt(np.mean(level**2)))
-            if mean > 0:
-                known = level / mean, offset, response.contact_ratio
-                events = [event(*known, ringing) for ringing in RINGING]
-                yield Band(number, rest[inside], place, events)
+    teeth = gear.difference.teeth
+    for number, rest, level, _ in gear.heard:
+        mean = float(np.sqrt(np.mean(level**2)))
+        if len(number) > 1 and mean > 0:
+            place = np.exp(2j * np.pi / teeth * np.outer(np.arange(teeth), number))
+            known = level / mean, number / teeth, gear.response.contact_ratio
+            yield Band(number, rest, place, [event(*known, ringing) for ringing in RINGING])
 
 
 def event(
-    level: FloatArray, offset: FloatArray, contact_ratio: float, ringing: float
+    level: FloatArray, order: FloatArray, contact_ratio: float, ringing: float
 ) -> tuple[FloatArray, ComplexArray]:
     """Return powers and directions of the covariance of an event at tooth 1, of trace `lines`.
 
@@ -100,8 +91,8 @@ def event(
     ----------
     level : ndarray of float, shape (lines,)
         Amplitude of the event in units of the noise, up to a constant: of mean square 1.
-    offset : ndarray of float, shape (lines,)
-        Distance from the mesh harmonic, in mesh orders.
+    order : ndarray of float, shape (lines,)
+        Multiples of the mesh frequency, whole ones left out or not.
     contact_ratio : float
         Mesh periods of the contact of a tooth.
     ringing : float
@@ -118,7 +109,7 @@ def event(
     late = np.clip(delay + _SLACK, 0.0, None) / ringing
     weight = np.exp(-early) - np.exp(-late)
     weight = np.maximum(weight, 1e-6 * float(weight.max()))
-    root = level[:, None] * np.exp(-2j * np.pi * np.outer(offset, delay))
+    root = level[:, None] * np.exp(-2j * np.pi * np.outer(order, delay))
     root *= np.sqrt(weight / weight.sum())
     power, vector = np.linalg.eigh(root.conj().T @ root)
     kept = power > _LEFT_OUT * float(power.sum())
@@ -126,9 +117,9 @@ def event(
     return power, np.asarray(root @ vector[:, kept] / np.sqrt(power))
 
 
-def energies(band: Band, direction: ComplexArray, teeth: IntArray | slice) -> FloatArray:
-    """Return the energy of the departure along directions turned to some teeth, shape (t, m)."""
-    return np.asarray(np.abs((band.place[teeth] * band.rest) @ direction.conj()) ** 2)
+def energies(band: Band, direction: ComplexArray) -> FloatArray:
+    """Return the energy of the departure along directions turned to teeth, shape (teeth, m)."""
+    return np.asarray(np.abs((band.place * band.rest) @ direction.conj()) ** 2)
 
 
 def weighted(
@@ -273,7 +264,7 @@ class DepartureSpread:
         self.by_tooth = np.zeros(gear.difference.teeth)
         for band in bands:
             for number, (power, direction) in enumerate(band.events):
-                energy = energies(band, direction, slice(None))
+                energy = energies(band, direction)
                 by_ringing[number] += log_likelihood(band, power, energy[tried])
                 if number == _TOLD:
                     self.by_tooth += energy @ (power / power.sum()) / len(bands)

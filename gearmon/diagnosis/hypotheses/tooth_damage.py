@@ -204,12 +204,10 @@ class ToothFinding:
         All gears looked at, at least one.
     machine : Machine
         The machine.
-    speed_hz : float
-        Speed of shaft 1 [Hz].
 
     Attributes
     ----------
-    searched, machine, speed_hz
+    searched, machine
         As given.
     best : GearEvidence
         The gear to blame.
@@ -220,8 +218,8 @@ class ToothFinding:
         which the best explains it better.
     """
 
-    def __init__(self, searched: Sequence[GearEvidence], machine: Machine, speed_hz: float) -> None:
-        self.searched, self.machine, self.speed_hz = tuple(searched), machine, speed_hz
+    def __init__(self, searched: Sequence[GearEvidence], machine: Machine) -> None:
+        self.searched, self.machine = tuple(searched), machine
         self.best = first = max(searched, key=lambda one: one.believed)
         self.evidence, rivals = first.believed, list[tuple[str, int, float]]()
         # those with a template compete by what either should sound like
@@ -235,7 +233,7 @@ class ToothFinding:
                 loud = one.log_factor >= _AS_LOUD * first.log_factor
                 if one.search and (sure or (loud and share_lines(one.search, first.search))):
                     competing.append(one.search)
-            blamed, others = mesh_harmonics.most_likely(competing, machine, speed_hz)
+            blamed, others = mesh_harmonics.most_likely(competing, machine)
             self.best = next(one for one in searched if one.search is blamed)
             rivals += [(g.difference.gear, g.difference.stage, lead) for g, lead in others]
         self.rivals = tuple(rivals)
@@ -243,12 +241,8 @@ class ToothFinding:
     @cached_property
     def loss(self) -> LossEstimate | None:
         """Loss of stiffness of its pair; None without a template."""
-        search, known = self.best.search, (self.machine, self.speed_hz)
-        return mesh_harmonics.loss_estimate(search, *known) if search is not None else None
-
-    def of(self, stage: int, gear: str) -> GearEvidence | None:
-        """Return the evidence of one gear."""
-        return next((one for one in self.searched if one.key == (stage, gear)), None)
+        search = self.best.search
+        return mesh_harmonics.loss_estimate(search, self.machine) if search is not None else None
 
 
 def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> ToothFinding | None:
@@ -294,7 +288,7 @@ def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> T
             best, instead = (*ranked, None, None)[:2]
             alone = best.difference if best is not None else alone
             searched.append(GearEvidence(alone, best, shown, instead))
-    return ToothFinding(searched, machine, own.speed_hz) if searched else None
+    return ToothFinding(searched, machine) if searched else None
 
 
 def as_heard(

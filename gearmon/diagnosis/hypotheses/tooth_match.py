@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
-from gearmon.diagnosis.law.gear_lines import LEAST_MISFIT, GearDeviation
+from gearmon.diagnosis.law.gear_lines import LEAST_MISFIT, STEPS, GearDeviation
 from gearmon.signatures.expected.tooth_response import ToothResponse
 
 # Decay times of the energy in a housing [s]: damping ratios of 1 to 6 per cent between 700 Hz and
@@ -76,6 +76,10 @@ class SearchedGear:
 
     Attributes
     ----------
+    rotation_hz : float
+        Turns of the gear a second.
+    delays : list of ndarray of float
+        When events are heard, for each of `DECAY_S`, see `event_delays` [s].
     log_likelihood : ndarray of float, shape (losses, teeth)
         Logarithm of the likelihood of each of `LOSSES` on each tooth over that of no damage.
     log_place : ndarray of float, shape (teeth,)
@@ -105,18 +109,19 @@ class SearchedGear:
     def __init__(
         self, difference: GearDeviation, response: ToothResponse, speed_hz: float, heard: _Heard
     ) -> None:
-        self.difference, self.response, teeth = difference, response, difference.teeth
-        rotation_hz = difference.order * speed_hz
-        delays = [event_delays(response, rotation_hz, decay_s) for decay_s in DECAY_S]
+        self.difference, self.response, self.heard = difference, response, heard
+        teeth = difference.teeth
+        self.rotation_hz = rotation_hz = difference.order * speed_hz
+        self.delays = [event_delays(response, rotation_hz, decay_s) for decay_s in DECAY_S]
         turns = np.exp(2j * np.pi / teeth * np.arange(teeth))
-        size, around = response.amplitude(LOSSES), difference.expected_by_tooth
+        size, around = response.amplitude(LOSSES), difference.expected_around[::STEPS]
         total, expected = np.zeros((2, len(LOSSES), teeth)), np.zeros((5, len(LOSSES)))
         self.matched = np.zeros(total.shape[1:])
         for number, rest, signal, noise in _alike(heard, len(LOSSES) * teeth):
             place = turns[np.arange(teeth)[:, None] * number[:, None] % teeth]
             turned = place * rest[:, None]
             unit = signal[:, :, None]
-            roots = (unit * ringing(number * rotation_hz, delay) for delay in delays)
+            roots = (unit * ringing(number * rotation_hz, delay) for delay in self.delays)
             each = [_log_likelihood(turned, number, root, size, around, noise) for root in roots]
             told, mean, energy = zip(*each, strict=True)
             total += _with_unsure_path(log_mean(np.array(told))).sum(axis=0)

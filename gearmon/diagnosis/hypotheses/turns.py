@@ -372,12 +372,8 @@ def healthy_turns(healthy: Sequence[_Wheels]) -> tuple[Sidebands, ...]:
     tuple of mappings
         One for each recording, see `turn_changes`; none if there is but one.
     """
-    if len(healthy) < 2:
-        return ()
-    return tuple(
-        turn_changes(own, [*healthy[:place], *healthy[place + 1 :]])
-        for place, own in enumerate(healthy)
-    )
+    others = ([*healthy[:place], *healthy[place + 1 :]] for place in range(len(healthy)))
+    return tuple(filter(None, map(turn_changes, healthy, others)))
 
 
 def _contrast(change: FloatArray) -> FloatArray:

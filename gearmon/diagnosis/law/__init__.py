@@ -10,8 +10,8 @@ lines and the spectrum between them.
 
 >>> from gearmon.diagnosis.law.gear_lines import Kriging
 >>> import numpy as np
->>> alone = Kriging(np.zeros((1, 2)), np.array([0.5, 0.0]))
->>> between = Kriging(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([0.5, 0.0]))
+>>> alone = Kriging(np.zeros((1, 2)), np.array([0.5, 0.0]), 0.06, 0.5)
+>>> between = Kriging(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([0.5, 0.0]), 0.06, 0.5)
 >>> between.weights.round(3).tolist(), bool(between.spread < alone.spread)
 ([0.5, 0.5], True)
 """

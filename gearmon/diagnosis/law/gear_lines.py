@@ -76,12 +76,12 @@ LEAST_MISFIT = 0.1
 _LEFT_BY_EVENT = 0.01
 #: Steps of the waveform for each tooth, and the middle of the contact of tooth 1 [teeth] after the
 #: angle zero: tooth j is in contact from j - 1 to about j + 0.6 mesh periods after it.
-_STEPS, CONTACT_CENTRE = 8, 0.8
+STEPS, CONTACT_CENTRE = 8, 0.8
 # Blocks by which it is told whether an event comes again, at most.
 _MOST_BLOCKS = 256
 _TINY = np.finfo(float).tiny
 # Step at which the window of two teeth about that middle begins.
-_WINDOW = round((CONTACT_CENTRE - 1.0) * _STEPS)
+_WINDOW = round((CONTACT_CENTRE - 1.0) * STEPS)
 
 
 def which_gear(own: WheelPattern | GearDeviation) -> dict[str, Any]:
@@ -126,9 +126,7 @@ class Kriging:
         Their sum.
     """
 
-    def __init__(
-        self, known: FloatArray, state: FloatArray, scatter: float = 0.06, slope: float = 0.5
-    ) -> None:
+    def __init__(self, known: FloatArray, state: FloatArray, scatter: float, slope: float) -> None:
         count, size = len(known), (slope * LENGTH) ** 2
         # the state itself stands last
         states = np.vstack([known, state])
@@ -236,7 +234,7 @@ class GearDeviation:
         before to five after it, a quarter of the turn at most; it draws the gain of the healthy
         pattern too.
         """
-        place = int(np.argmax(self._energy)) / _STEPS + CONTACT_CENTRE
+        place = int(np.argmax(self._energy)) / STEPS + CONTACT_CENTRE
         reach = min(1.0, _EVENT_OF_TURN * self.teeth / np.ptp(AROUND) / self.meetings)
         after = (place + reach * AROUND) / self.teeth
         delay = (np.arange(self.meetings)[:, None] / self.meetings + after).ravel()
@@ -275,7 +273,7 @@ class GearDeviation:
     @cached_property
     def by_tooth(self) -> FloatArray:
         """Energy about each tooth's contact over that beside the largest, by what is expected."""
-        return self._standing_out[::_STEPS]
+        return self._standing_out[::STEPS]
 
     @cached_property
     def expected_around(self) -> FloatArray:
@@ -321,11 +319,6 @@ class GearDeviation:
         noise = sum(float(np.sum((band.noise / band.deviation) ** 2)) for band in self.bands)
         return 1.0 - noise / self.lines / max(1.0, self.misfit)
 
-    @cached_property
-    def expected_by_tooth(self) -> FloatArray:
-        """`expected_around` at each tooth's contact, shape (teeth,)."""
-        return self.expected_around[::_STEPS]
-
     def recurrence(
         self, tooth: int, blocks: ComplexArray, wheel: WheelLines, swings: bool = False
     ) -> tuple[float, float]:
@@ -362,8 +355,8 @@ class GearDeviation:
         together = -(-len(blocks) // _MOST_BLOCKS)
         some = blocks[: len(blocks) // together * together]
         some = some.reshape(-1, together, *blocks.shape[1:]).mean(axis=1)
-        steps = np.add.outer(np.arange(self.teeth) * _STEPS + _WINDOW, np.arange(0, 2 * _STEPS, 4))
-        met = np.add.outer(np.arange(self.meetings) / self.meetings, steps / _STEPS / self.teeth)
+        steps = np.add.outer(np.arange(self.teeth) * STEPS + _WINDOW, np.arange(0, 2 * STEPS, 4))
+        met = np.add.outer(np.arange(self.meetings) / self.meetings, steps / STEPS / self.teeth)
         sides = dict(zip(_SIDES, (wheel.lines, *wheel.beside), strict=False))
         scatter, energy = np.zeros(self.teeth), np.zeros((len(some), self.teeth))
         for band in self.bands:
@@ -375,7 +368,7 @@ class GearDeviation:
             if swings:
                 power = (np.abs(seen) ** 2).sum(axis=1).reshape(-1, *met.shape)
                 energy += power.mean(axis=(1, 3))
-        again = float(self._energy[tooth * _STEPS] / scatter[tooth])
+        again = float(self._energy[tooth * STEPS] / scatter[tooth])
         if swings:
             beyond = np.maximum(energy[:, tooth] - np.median(energy, axis=1), 0.0)
             again = float(beyond.sum() ** 2 / max((beyond**2).sum(), _TINY))
@@ -396,12 +389,12 @@ class GearDeviation:
 
         Of several recordings, lines of shape (recordings, channels, lines), that of each.
         """
-        steps = _STEPS * self.teeth
+        steps = STEPS * self.teeth
         both = zip(self.bands, lines_of_bands, strict=True)
         energy = np.sum([turn_energy(lines, band.number, steps) for band, lines in both], axis=0)
-        window = uniform_filter1d(energy, 2 * _STEPS, mode="wrap")
+        window = uniform_filter1d(energy, 2 * STEPS, mode="wrap")
         again = np.rint(np.arange(self.meetings) * steps / self.meetings).astype(int)
-        met = np.arange(steps)[:, None] + again + _STEPS + _WINDOW
+        met = np.arange(steps)[:, None] + again + STEPS + _WINDOW
         return np.asarray(window[..., met % steps].mean(axis=-1))
 
 

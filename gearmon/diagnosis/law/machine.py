@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -137,10 +138,9 @@ def _slope(values: FloatArray, along: FloatArray) -> float:
     ratio, weight = values[told] / along[told], np.abs(along[told])
     if not ratio.size:
         return 0.0
-    order = np.argsort(ratio)
-    below = np.cumsum(weight[order])
-    middle = [int(np.searchsorted(below, 0.5 * below[-1], side)) for side in ("left", "right")]
-    return float(np.mean(ratio[order][middle]))
+    # the weighted median, between those from below and from above
+    median = partial(np.quantile, q=0.5, weights=weight, method="inverted_cdf")
+    return float(0.5 * (median(ratio) - median(-ratio)))
 
 
 class LevelDeviation(NamedTuple):

@@ -122,20 +122,11 @@ def gear_signals(
     Returns
     -------
     GearSignals
-
-    Raises
-    ------
-    ArgumentError
-        If `per_turn` is too small for the lines.
     """
     number, teeth = wheel.number, wheel.teeth
     top = int(number.max(initial=0))
     if per_turn is None:
         per_turn = 1 << int(np.ceil(np.log2(_OVERSAMPLING * (top + 1))))
-    elif per_turn <= 2 * top:
-        raise ArgumentError(
-            f"per_turn={per_turn} must be above {2 * top}, twice the highest multiple"
-        )
     spectrum = np.zeros((len(mean), max(top, teeth + NEAR_SIDEBANDS) + 1), dtype=complex)
     spectrum[:, number] = mean[:, wheel.lines]
     beside = np.isin(number, np.add.outer([-1, 1], number[wheel.mesh]))

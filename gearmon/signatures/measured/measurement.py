@@ -27,7 +27,7 @@ from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence, Side
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.speed_channels import track_recording
-from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking, wander
+from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking
 
 #: What a line may add elsewhere, relative to it: the angle is not known as well.
 LEAKAGE = 1e-4
@@ -52,7 +52,6 @@ _SLOW_RPM = 100.0
 # a cracked tooth up to 13 % of the blocks seem knocked at 0 to 0.06 (once 22 %), 4 to 57 % at 0.12
 # and 0.37, where half of the cracks were taken for knocks.
 _STEADY = 0.05
-# Lines of the kinematics at whose multiples sidebands of the machine's own stand.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +106,8 @@ class RecordingLevels:
         Whether the family stands above its own scatter.
     band_db : ndarray of float, shape (channels, bands)
         Levels of the broadband spectrum, see `broadband_levels` [dB re 1 unit^2/Hz].
+    speed_fluctuation : float, >= 0
+        Amplitude of a sine with the standard deviation of the speed, over the mean speed.
     foreign : NonGearLines
         Lines that no gear explains.
     digests : tuple of str
@@ -120,6 +121,7 @@ class RecordingLevels:
     scatter_db: FloatArray
     heard: NDArray[np.bool_]
     band_db: FloatArray
+    speed_fluctuation: float
     foreign: NonGearLines
     digests: tuple[str, ...]
 
@@ -130,7 +132,8 @@ class MeasuredSignature(RecordingLevels, Result):
 
     Parameters
     ----------
-    origin, duration_s, sampling_rate_hz, level_db, scatter_db, heard, band_db, foreign, digests
+    origin, duration_s, sampling_rate_hz, level_db, scatter_db, heard, band_db, speed_fluctuation, \
+    foreign, digests
         As of `RecordingLevels`.
     channel_names : tuple of str
         Vibration channels.
@@ -179,11 +182,6 @@ class MeasuredSignature(RecordingLevels, Result):
     def held(self) -> bool:
         """Whether the angle of the gears is held, be it by pulses or by lines of any mesh."""
         return self.track.indexed or any(mesh.held for mesh in self.meshes)
-
-    @property
-    def speed_fluctuation(self) -> float:
-        """Amplitude of a sine with the standard deviation of the speed, over the mean speed."""
-        return _fluctuation(self.track)
 
     @property
     def speed_swings(self) -> bool:
@@ -260,7 +258,8 @@ def measure_signature(
 
     lines, (spectrum, foreign, marks) = at_once(blocks.lines, others, samples.size)
     # as the speed swings the path turns lines from block to block, as much as a knock would
-    for wheel in () if _fluctuation(track) > _STEADY else plan.wheels:
+    fluctuation = float(np.sqrt(2.0)) * track.wander
+    for wheel in () if fluctuation > _STEADY else plan.wheels:
         lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
     speed = tracking.speed()
@@ -276,6 +275,7 @@ def measure_signature(
         scatter_db=scatter,
         heard=heard,
         band_db=broadband_levels(piece, rate),
+        speed_fluctuation=fluctuation,
         notes=tuple(recording.notes) + tracking.notes,
         angle_lost=tracking.lost,
         foreign=foreign,
@@ -291,10 +291,6 @@ def _block_turns(turns: float, train: Kinematics) -> float:
     orders = [shaft.order for shaft in train.shafts]
     slowest, wanted = min(orders), max(5.0 / min(orders), min(20.0, 100.0 / max(orders)))
     return min(wanted, max(turns / 2.5, min(turns, 2.0 / slowest)))
-
-
-def _fluctuation(track: AngleTrack) -> float:
-    return float(np.sqrt(2.0)) * wander(track)
 
 
 def opened(

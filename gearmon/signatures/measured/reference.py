@@ -152,12 +152,11 @@ class Profile(RecordingLevels):
 
     Parameters
     ----------
-    origin, duration_s, sampling_rate_hz, level_db, scatter_db, heard, band_db, foreign, digests
+    origin, duration_s, sampling_rate_hz, level_db, scatter_db, heard, band_db, speed_fluctuation, \
+    foreign, digests
         As of `RecordingLevels`.
     speed_hz : float
         Mean speed of shaft 1 [Hz].
-    speed_fluctuation : float, >= 0
-        How far its speed swung, see `MeasuredSignature.speed_fluctuation`.
     tacho : bool
         Whether the angle zero is that of a tachometer with one pulse a turn of shaft 1.
     family_names : tuple of str
@@ -167,7 +166,6 @@ class Profile(RecordingLevels):
     """
 
     speed_hz: float
-    speed_fluctuation: float
     tacho: bool
     family_names: tuple[str, ...]
     wheels: tuple[WheelPattern, ...]
@@ -177,7 +175,6 @@ class Profile(RecordingLevels):
         """Condense a measured signature."""
         return cls(
             **_kept(RecordingLevels, signature),
-            speed_fluctuation=signature.speed_fluctuation,
             speed_hz=signature.speed.estimated_hz,
             tacho=signature.track.indexed,
             family_names=tuple(family.name for family in signature.plan.families),

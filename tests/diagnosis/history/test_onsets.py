@@ -111,7 +111,7 @@ def test_fits_are_least_squares_with_their_variance():
     generator = np.random.default_rng(1)
     series, begin, _ = grown(generator, "cube", 10.0)
     times, end = series.time_s, float(series.time_s[-1])
-    step = ChangePoint(growth=TRIED[0], time_s=float(times[4:6].mean()), end_s=end)
+    step = ChangePoint(growth=TRIED[0], time_s=float(times[4:6].mean()))
     cube = Growth(exponent=3.0)
     fits = Fits(
         series=series, known=[step], places=np.array([begin]), courses=np.array([TRIED.index(cube)])

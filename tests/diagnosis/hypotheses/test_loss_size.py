@@ -28,7 +28,7 @@ def test_median_and_nine_tenths_of_a_normal_law_of_the_logarithm(loss):
         best=1,
         difference=SimpleNamespace(mesh_lines=None, load=1.0),
     )
-    found = loss_estimate(gear, None, 25.0)
+    found = loss_estimate(gear, None)
     reach = np.exp(1.645 * np.sqrt(0.3**2 + 0.35**2 + 0.12**2))
     assert found.loss == pytest.approx(loss, rel=0.05)
     assert (found.low, found.high) == pytest.approx((loss / reach, loss * reach), rel=0.1)

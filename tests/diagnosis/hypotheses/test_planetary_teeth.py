@@ -229,12 +229,12 @@ def test_a_tooth_of_the_ring_is_found_with_its_loss():
         told = ring_with(0.3, 20, stage, seed)
         assert told.believed > 26.0
         assert told.search.best % (RING // PLANETS) == 19 % (RING // PLANETS)
-        losses.append(loss_estimate(told.search, machine(), 10.0).loss)
+        losses.append(loss_estimate(told.search, machine()).loss)
         # planets put the mesh harmonics as their phases have it: these tell no loss
         lines = np.sqrt(told.deviation.mesh_power) + 0j
         heard = copy(told.search)
         heard.difference = replace(told.search.difference, mesh_lines=lines)
-        assert loss_estimate(heard, machine(), 10.0).loss == losses[-1]
+        assert loss_estimate(heard, machine()).loss == losses[-1]
         assert ring_with(0.0, 20, stage, seed).believed < 5.0
     assert np.median(losses) == pytest.approx(0.3, rel=0.35)
 

@@ -64,7 +64,7 @@ def added(gear, loss):
 
 
 def estimate(found):
-    return loss_estimate(found, machine(), SPEED_HZ)
+    return loss_estimate(found, machine())
 
 
 def order(gear):
@@ -257,7 +257,7 @@ def test_turning_the_recording_turns_the_tooth():
 
 def test_the_more_likely_gear_is_blamed():
     sound, hurt = searched("pinion", 7), searched("gear", 8, loss=0.2, tooth=30)
-    best, rivals = most_likely([sound, hurt], machine(), SPEED_HZ)
+    best, rivals = most_likely([sound, hurt], machine())
     assert best is hurt
     assert rivals == ()
     assert not share_lines(sound, hurt)
@@ -267,7 +267,7 @@ def test_gears_on_one_shaft_share_lines_and_are_told_apart_by_what_they_should_s
     hurt = searched("gear", 9, loss=0.3, tooth=11)
     assert share_lines(hurt, hurt)
     again = searched("gear", 9, loss=0.3, tooth=11)
-    _best, rivals = most_likely([hurt, again], machine(), SPEED_HZ)
+    _best, rivals = most_likely([hurt, again], machine())
     assert len(rivals) == 1
     assert rivals[0][1] == pytest.approx(0.0, abs=1e-9)
 
@@ -329,7 +329,7 @@ def of_whole_ratio(sizes, seed, loss=0.3, tooth=7):
 def test_events_at_every_tooth_that_a_pinion_s_meets_are_the_pinion_s(sizes, blamed, seed):
     found = of_whole_ratio(sizes, seed)
     assert share_lines(*found.values())
-    best, _ = most_likely(list(found.values()), whole_ratio(), SPEED_HZ)
+    best, _ = most_likely(list(found.values()), whole_ratio())
     assert best is found[blamed]
     assert best.best + 1 == 7
 
@@ -386,10 +386,10 @@ def of_one_shaft(cause, seed, loss=0.3, tooth=7, sense=1.0):
 @pytest.mark.parametrize("cause", ["gear", "pinion"])
 def test_the_gear_of_a_shaft_is_blamed_whose_mesh_harmonics_all_tell_one_loss(cause, seed):
     found = of_one_shaft(cause, seed)
-    best, rivals = most_likely(list(found.values()), one_shaft(), SPEED_HZ)
+    best, rivals = most_likely(list(found.values()), one_shaft())
     assert best is found[cause]
     assert rivals[0][1] > 10.0
-    told = {gear: log_caused(own, one_shaft(), SPEED_HZ) for gear, own in found.items()}
+    told = {gear: log_caused(own, one_shaft()) for gear, own in found.items()}
     assert told.pop(cause) > 5.0 + max(told.values())
 
 
@@ -397,10 +397,10 @@ def test_the_gear_of_a_shaft_is_blamed_whose_mesh_harmonics_all_tell_one_loss(ca
 @pytest.mark.parametrize("cause", ["gear", "pinion"])
 def test_one_factor_of_all_harmonics_blames_their_gear_though_no_loss_makes_it(cause, turned):
     found = of_one_shaft(cause, 0, sense=1.5 * np.exp(2j * np.pi * turned))
-    best, rivals = most_likely(list(found.values()), one_shaft(), SPEED_HZ)
+    best, rivals = most_likely(list(found.values()), one_shaft())
     assert best is found[cause]
     assert rivals[0][1] > 5.0
-    assert log_caused(found[cause], one_shaft(), SPEED_HZ) > 5.0
+    assert log_caused(found[cause], one_shaft()) > 5.0
 
 
 def test_an_event_that_comes_again_tells_as_much_as_each_of_its_places():

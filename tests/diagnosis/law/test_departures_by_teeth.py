@@ -14,7 +14,7 @@ from reference.gear_departures import (
 )
 
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
-from gearmon.diagnosis.law.gear_lines import GearDeviation
+from gearmon.diagnosis.law.gear_lines import STEPS, GearDeviation
 from gearmon.signatures.measured.reference import WheelPattern
 
 
@@ -41,7 +41,7 @@ def test_a_departure_is_held_against_what_the_healthy_pattern_lets_expect_there(
         healthy = gear(own, seed=seed, height=10.0, noise=0.0)
         blind = of(changed, gear(np.zeros(31), seed=seed, noise=0.0), 0.1)
         told = of(changed, healthy, 0.1)
-        expected = told.expected_by_tooth
+        expected = told.expected_around[::STEPS]
         assert expected.min() >= 1.0
         assert abs(int(np.argmax(expected)) - 7) <= 1
         assert expected.max() > 2.0
@@ -82,7 +82,7 @@ def test_a_tooth_that_departs_among_the_references_is_expected_to():
     own, changed = uneven(3)
     references = [gear(own, seed=seed, height=3.0) for seed in (90, 91, 92)]
     told = beside(changed, references)
-    assert abs(int(np.argmax(told.expected_by_tooth)) - 7) <= 1
+    assert abs(int(np.argmax(told.expected_around[::STEPS])) - 7) <= 1
     assert changed.difference.peak > 2.0 * told.peak
     damaged = beside(gear(weights(20), seed=3), references)
     assert int(np.argmax(damaged.by_tooth)) == 20
@@ -93,9 +93,10 @@ def test_what_only_changes_with_the_state_is_not_expected_at_a_state_that_was_le
     own, changed = uneven(3)
     references = [gear(own, seed=seed, height=3.0) for seed in (90, 91, 92)]
     none, half, all_ = (
-        beside(changed, references, changing).expected_by_tooth[7] for changing in (0.0, 0.5, 1.0)
+        beside(changed, references, changing).expected_around[::STEPS][7]
+        for changing in (0.0, 0.5, 1.0)
     )
-    assert none == pytest.approx(changed.difference.expected_by_tooth[7])
+    assert none == pytest.approx(changed.difference.expected_around[::STEPS][7])
     assert half == pytest.approx(max(none, 0.5 * (1.0 + all_)))
 
 

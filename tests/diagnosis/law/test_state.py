@@ -65,8 +65,8 @@ def test_a_straight_course_is_followed_between_references():
     st.tuples(st.floats(-1, 1), st.floats(-1, 1)),
 )
 def test_one_more_reference_never_makes_it_less_sure(known, more, state):
-    one = Kriging(np.array(known), np.array(state))
-    two = Kriging(np.array([*known, more]), np.array(state))
+    one = Kriging(np.array(known), np.array(state), 0.06, 0.5)
+    two = Kriging(np.array([*known, more]), np.array(state), 0.06, 0.5)
     assert one.weights.sum() == pytest.approx(1.0)
     assert two.spread <= one.spread * (1 + 1e-9)
 

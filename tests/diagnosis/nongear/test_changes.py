@@ -18,11 +18,11 @@ from scipy.special import stdtrit
 from gearmon.diagnosis.nongear import (
     PRIOR_CHANGE_DB,
     PRIOR_WORTH,
+    LineComparison,
+    Naming,
     NonGearFinding,
-    compare_lines,
     disturbed,
     family_gain_db,
-    name_lines,
     nongear_findings,
 )
 from gearmon.gears.kinematics import kinematics
@@ -35,7 +35,7 @@ CHANNELS, NOISE_DB, LEAST_DB = 2, -60.0, 12.0
 
 
 def flagged(new, healthy, **given):
-    found = compare_lines(new, healthy, train(), **given)
+    found = LineComparison(new, healthy, train(), **given).findings()
     return [one for one in found if one.false_alarm_probability < BELOW]
 
 
@@ -270,7 +270,7 @@ def test_harmonics_are_fewer_chances_than_unrelated_lines():
         over = np.full(8, 40.0)
         before = listed(others, NOISE_DB + over, over)
         new = listed(others, NOISE_DB + over + risen, over + risen)
-        found.append(compare_lines(new, [before], train())[0].log10_probability)
+        found.append(LineComparison(new, [before], train()).findings()[0].log10_probability)
     # with two hidden ones
     assert found[1] - found[0] == pytest.approx(np.log10((8 + 2) / (8**0.7 + 2)), abs=0.01)
 
@@ -283,7 +283,7 @@ def test_lines_that_only_other_channels_hear_are_no_chances_of_a_rise():
         odd = 7.31 + 1.77 * np.sqrt(np.arange(others))
         levels = np.concatenate([over, np.full(others, -50.0)])
         before = listed([5.07, *odd], NOISE_DB + levels, levels)
-        found.append(compare_lines(new, [before], train())[0].log10_probability)
+        found.append(LineComparison(new, [before], train()).findings()[0].log10_probability)
     assert found[1] == pytest.approx(found[0], abs=1e-3)
 
 
@@ -312,14 +312,14 @@ def test_noise_alone_never_alarms_above_the_stated_probability():
 
 def test_a_series_needs_more_than_chance():
     lines = listed([2 * 0.99 * bearing_order("BPFI"), 1.5], [-20.0] * 2, [30.0] * 2).lines
-    assert {one.kind for one in name_lines(lines, train(), 0.005, 100.0)} == {"unknown lines"}
+    assert {one.kind for one in Naming(lines, train(), 0.005, 100.0).series()} == {"unknown lines"}
 
 
 def test_every_line_stands_in_one_series():
     generator = np.random.default_rng(8)
     orders = np.sort(generator.uniform(0.3, 90.0, 40))
     lines = listed(orders, [-20.0] * 40, [30.0] * 40).lines
-    series = name_lines(lines, train(), 0.005, 100.0)
+    series = Naming(lines, train(), 0.005, 100.0).series()
     assert sorted(i for one in series for i in one.labels) == list(range(40))
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.nongear import name_lines
+from gearmon.diagnosis.nongear import Naming
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import load_machine
 from gearmon.signatures.measured.nongear_lines import NonGearLine, harmonic_sources
@@ -81,7 +81,7 @@ def test_sidebands_of_a_bearing_are_named_by_their_side():
     (race,) = [line.order for line in train.lines if "inner race" in line.name]
     slipped = 0.99 * race
     heard = lines([slipped, 2 * slipped - 1.0, 2 * slipped, 2 * slipped + 1.0])
-    (found,) = name_lines(heard, train, WIDTH, 100.0)
+    (found,) = Naming(heard, train, WIDTH, 100.0).series()
     assert list(found.labels.values()) == ["1 x", "2 x - 1 x shaft", "2 x", "2 x + 1 x shaft"]
     assert found.slip == pytest.approx(-0.01, abs=1e-6)
 
@@ -100,7 +100,7 @@ def test_harmonics_of_a_bearing_agree_on_its_slip_to_a_thousandth_of_their_order
     (race,) = [line.order for line in train.lines if "outer race" in line.name]
     slipped = 0.99 * race
     heard = lines([slipped, harmonic * slipped * (1.0 + 1e-3 * apart)])
-    found = name_lines(heard, train, 1e-4, 100.0)
+    found = Naming(heard, train, 1e-4, 100.0).series()
     assert found[0].labels[0] == "1 x"
     assert found[0].labels.get(1) == (f"{harmonic} x" if named else None)
 
@@ -115,6 +115,6 @@ def test_a_plant_has_one_mains_frequency(mains_hz):
             operating={"speed_rpm": 1500.0},
         )
     )
-    (series,) = name_lines(lines(orders, locked="time"), train, WIDTH, 60.0)
+    (series,) = Naming(lines(orders, locked="time"), train, WIDTH, 60.0).series()
     assert series.name == f"mains, multiples of {mains_hz:g} Hz"
     assert sorted(series.labels) == list(range(len(orders)))

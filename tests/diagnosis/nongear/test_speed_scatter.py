@@ -20,11 +20,10 @@ def test_far_apart_levels_are_independent():
     assert speed_scatter_db(50.0) == pytest.approx(expected, rel=1e-3)
 
 
-def test_it_rises_with_the_change_and_falls_with_damping():
+def test_it_rises_with_the_change():
     changes = [speed_scatter_db(d) for d in (0.001, 0.005, 0.02, 0.1)]
     assert changes == sorted(changes)
     assert speed_scatter_db(-0.02) == speed_scatter_db(0.02)
-    assert speed_scatter_db(0.02, 0.05) < speed_scatter_db(0.02, 0.01)
 
 
 @pytest.mark.parametrize("change", [0.01, 0.03])
@@ -40,4 +39,4 @@ def test_agrees_with_simulated_paths_of_many_modes(change):
         return 20 * np.log10(np.abs(response.sum(axis=-1)))
 
     moved = np.std(level(1.0 + change / 2) - level(1.0 - change / 2))
-    assert moved == pytest.approx(speed_scatter_db(change, damping), rel=0.1)
+    assert moved == pytest.approx(speed_scatter_db(change), rel=0.1)
