@@ -525,9 +525,9 @@ def heard_from(gear: GearEvidence) -> float | None:
     path = path_power(difference.mesh_power, response.mesh, mean=True)
     told = np.flatnonzero(path.all(axis=0))
     for band in difference.bands:
-        place, number = band.number / difference.teeth, band.number.astype(np.float64)
+        place = band.number / difference.teeth
         power = np.exp([np.interp(place, told, row) for row in np.log(path[:, told])])
-        heard = np.sum(power * response.band_power(number, band.side) / band.noise**2, axis=1)
+        heard = np.sum(power * response.band_power(band.number, band.side) / band.noise**2, axis=1)
         energy = heard[:, None] * size**2
         ratio += np.sum(energy - _DIRECTIONS * np.log1p(energy / _DIRECTIONS), axis=0)
     return _first(gear, ratio, LIMITS.open)

@@ -12,9 +12,9 @@ across it (`inspected`); all else is made of the longest piece between them (`so
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import accumulate
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -64,8 +64,7 @@ _MOST_BAD, _LEAST_LEFT = 0.2, 0.3
 _TOLD = "not taken into account", "the channel is left out"
 
 
-@dataclass(frozen=True)
-class BadStretch:
+class BadStretch(NamedTuple):
     """A stretch of one channel that no machine made.
 
     Parameters
@@ -253,7 +252,7 @@ def _of_machine(found: dict[int, list[BadStretch]], samples: int) -> dict[int, l
             f"is {abs(bad.step_db):.0f} dB {way}, as all are: the machine itself changed, as when "
             "a clutch engages"
         )
-        told_so = replace(bad, what=what, of_machine=True)
+        told_so = bad._replace(what=what, of_machine=True)
         changed[row] = [told_so if own is bad else own for own in found[row]]
     return changed
 
@@ -361,7 +360,7 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
     )
     # somewhere within the frame at which it was seen
     bad = framed(0, edge + 1, what) if before_is_bad else framed(edge - 1, count + 1, what)
-    yield replace(bad, step_db=change)
+    yield bad._replace(step_db=change)
 
 
 def _middles(values: FloatArray, length: int) -> tuple[FloatArray, FloatArray]:

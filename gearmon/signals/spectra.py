@@ -48,7 +48,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from operator import itemgetter
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -428,8 +428,7 @@ def _check_finite(values: FloatArray) -> None:
         raise ArgumentError("samples: not all are finite numbers, or they are too large to square")
 
 
-@dataclass(frozen=True)
-class FittedLines:
+class FittedLines(NamedTuple):
     """Sinusoidal lines A cos(2 pi f t + p) of signals.
 
     Parameters
@@ -526,8 +525,7 @@ def _fitted(
     return complex(solution[0], solution[1]), float(left @ left)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Envelope:
+class Envelope(NamedTuple):
     """Complex envelope of one band: signal = Re[values exp(2 pi i low t)] within the band.
 
     Parameters

@@ -326,7 +326,7 @@ def as_heard(
         # where nothing is beside a gear, its own turn is the carrier's, or the carrier stands
         heard = (band.side != 0) == beside
         if response is not None:
-            power = (response.band_power(band.number + 0.0, side).sum() for side in (0, -1, 1))
+            power = (response.band_power(band.number, side).sum() for side in (0, -1, 1))
             heard = heard or next(power) >= max(power)
             heard &= bool(np.all(response.mesh[band.harmonic :][:1]))
         if heard and np.count_nonzero(met) >= _LEAST_LINES:

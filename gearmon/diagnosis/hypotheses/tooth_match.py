@@ -206,7 +206,7 @@ def _heard(deviation: GearDeviation, response: ToothResponse, path: FloatArray) 
         if band.harmonic >= path.shape[1] or not inside.any():
             continue
         number = band.number[inside]
-        level = np.sqrt(response.band_power(number.astype(np.float64), band.side))
+        level = np.sqrt(response.band_power(number, band.side))
         for channel in np.flatnonzero(path[:, band.harmonic] > 0):
             signal = level * np.sqrt(path[channel, band.harmonic])
             unit = band.deviation[channel, inside]

@@ -24,10 +24,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -410,8 +410,7 @@ def follow_lines(sums: OrderSums, track: AngleTrack, comb: Comb) -> tuple[AngleT
     return best
 
 
-@dataclass(frozen=True, kw_only=True)
-class LostStretch:
+class LostStretch(NamedTuple):
     """A stretch in which the lines are not phase-coherent in the angle.
 
     Parameters
@@ -436,8 +435,7 @@ class LostStretch:
         return self.slipped_turns == 0.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class SlipCheck:
+class SlipCheck(NamedTuple):
     """How well an angle is held by the lines.
 
     Parameters

@@ -9,9 +9,10 @@ proportions stand in where the file says nothing of them but their number.
 
 In a planetary set a softer mesh sheds its load to the others, so that only their passing tells them
 apart: damage is heard a turn of the carrier below and above the multiples of the gear's turn, and
-at these themselves where the others are too heavy to follow. A tooth of the sun or the ring meets N planets in turn: of its lines those that all of them bring
-alike add up, the others cancel. On a gear that stands still lines beside are lines of its own turn,
-which is that of the carrier, again: multiples of N.
+at these themselves where the others are too heavy to follow. A tooth of the sun or the ring meets N
+planets in turn: of its lines those that all of them bring alike add up, the others cancel. On a
+gear that stands still lines beside are lines of its own turn, which is that of the carrier, again:
+multiples of N.
 """
 
 from __future__ import annotations
@@ -232,12 +233,12 @@ class ToothResponse(Result):
         weight = self.pair_share**2
         return np.asarray(np.sqrt(np.sum(grown**2 * (weight / float(weight.sum())), axis=-1)))
 
-    def band_power(self, number: FloatArray, side: int = 0) -> FloatArray:
+    def band_power(self, number: FloatArray | IntArray, side: int = 0) -> FloatArray:
         """Power of the response to a unit loss about multiples of the rotation.
 
         Parameters
         ----------
-        number : ndarray of float
+        number : ndarray of float or int
             Multiples of the rotation; 0 beyond the lines known.
         side : {-1, 0, 1}
             Turns of the carrier beside them.
@@ -252,7 +253,7 @@ class ToothResponse(Result):
         return _mean_about(np.abs(lines) ** 2, np.rint(number), self.teeth)
 
 
-def _mean_about(power: FloatArray, number: FloatArray, teeth: int) -> FloatArray:
+def _mean_about(power: FloatArray, number: FloatArray | IntArray, teeth: int) -> FloatArray:
     """Mean of the power of the lines that are heard over one mesh order about each."""
     total, heard = (np.concatenate([[0.0], np.cumsum(own)]) for own in (power, power > 0))
     top = len(power)
@@ -425,10 +426,10 @@ def _of_set(machine: Machine, found: LossResponse) -> tuple[ComplexArray, Comple
     power = np.where(number % step == first, np.abs(found.acceleration) ** 2, 0.0)
     if wheel.exact == 0:
         own = np.rint(found.order / wheel.relative_order).astype(int)
-        lines = np.bincount(own, power)[None]
+        lines = np.asarray([np.bincount(own, power)], dtype=np.float64)
     else:
-        lines = np.zeros((3, int(number.max()) + 2))
         # by themselves, below and above
+        lines = np.zeros((3, int(number.max()) + 2))
         lines[np.array([0, 2, 1])[found.carrier], number] = power
     of_mesh = np.flatnonzero(found.mesh_acceleration)
     harmonic = found.number[of_mesh] // found.teeth
