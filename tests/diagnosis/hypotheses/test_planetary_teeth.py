@@ -2,6 +2,7 @@
 
 from copy import copy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +15,12 @@ from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, as_heard
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, BandDeviation, GearDeviation
 from gearmon.diagnosis.verdict import _sun_held
-from gearmon.gears.kinematics import kinematics
+from gearmon.gears.kinematics import PLANET_PASS_DEPTH, kinematics
 from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import tooth_response, with_floating_sun
 from gearmon.signatures.measured.line_plan import line_plan
 
+FOLDER = Path(__file__).resolve().parents[3] / "signatures"
 SUN, PLANET, RING, PLANETS, BANDS = 18, 27, 72, 3, 8
 # turns about the carrier for one of the carrier
 ORDERS = {"sun": RING / SUN, "planet": RING / PLANET, "ring": 1.0}
@@ -127,6 +129,67 @@ def test_planned_lines_hold_what_damage_adds(teeth, gear):
         apart = plan.orders[places] - plan.orders[wheel.lines]
         carrier = float(kinematics(train).mesh(1).carrier)
         assert apart[places >= 0] == pytest.approx(side * carrier)
+
+
+@pytest.mark.parametrize("teeth", [(18, 27, 72, 3), (25, 29, 83, 4)])
+@pytest.mark.parametrize("gear", ["sun", "planet"])
+def test_damage_is_heard_at_the_turn_itself_where_the_other_planets_cannot_follow(teeth, gear):
+    """Limits: slowly the load is shed whole; fast a mesh is alone: (1 - d/2)^2 over (d/4)^2."""
+    response = tooth_response(full(*teeth), 1, gear, 5000.0)
+    places = response.teeth * np.arange(1, len(response.mesh) - 1)
+    own, below, above = (response.band_power(places, side) for side in (0, -1, 1))
+    assert own[0] < 1e-4 * below[0]
+    alone = ((1 - PLANET_PASS_DEPTH / 2) / (PLANET_PASS_DEPTH / 4)) ** 2
+    for beside in (below, above):
+        assert np.median((own / beside)[-12:]) == pytest.approx(alone, rel=0.5)
+
+
+def test_each_side_has_the_lines_of_its_own():
+    train = full(19, 26, 71, 3)
+    known = gearmon.loss_response(train, 1, "planet", max_order=100.0)
+    told = tooth_response(train, 1, "planet", 100.0)
+    for side, lines in ((0, told.lines), (-1, told.beside[0]), (1, told.beside[1])):
+        own = known.carrier == side
+        assert np.abs(lines[known.number[own]]).tolist() == pytest.approx(
+            np.abs(known.acceleration[own]).tolist()
+        )
+        assert np.count_nonzero(lines) == np.count_nonzero(known.acceleration[own])
+    assert tooth_response(train, 1, "ring", 100.0).beside.shape[0] == 0
+
+
+def test_lines_at_the_turn_count_where_the_response_is_louder_there():
+    gear, train = deviation("planet", None, 0), full(SUN, PLANET, RING, PLANETS)
+    response = tooth_response(train, 1, "planet", 200.0)
+    # told where planets do not cancel in the mesh harmonic
+    heard = np.ones_like(response.mesh)
+    for louder, sides in ((3.0, {-1, 0, 1}), (0.3, {-1, 1})):
+        lines = louder * np.sqrt(np.abs(response.beside[0]) * np.abs(response.beside[1]))
+        told = replace(response, lines=lines + 0j, mesh=heard)
+        assert {band.side for band in as_heard(gear, machine(), told).bands} == sides
+    assert not as_heard(gear, machine(), replace(told, mesh=0 * heard)).bands
+
+
+def test_bearings_of_planets_that_tell_only_their_balls_are_rigid():
+    train = full(18, 27, 72, 3)
+    balls = {"balls": 18, "ball_diameter_mm": 8.0, "pitch_diameter_mm": 54.0}
+    rolling = replace(train, bearings=(Bearing(name="pins", planet_stage=1, **balls),))
+    one, two = (tooth_response(own, 1, "sun", 60.0) for own in (train, rolling))
+    assert np.array_equal(one.lines, two.lines)
+    assert np.array_equal(one.beside, two.beside)
+
+
+def test_a_small_loss_of_a_planet_is_found_on_the_final_drive_of_the_catalogue():
+    train = gearmon.load_machine(FOLDER / "planetary_final_drive.toml")
+    loads = enumerate([0.6, 1.0])
+    given = {"machine_seed": 7, "channels": 2}
+    healthy = [gearmon.simulate(train, seed=n, load=load, **given) for n, load in loads]
+    hurt = gearmon.simulate(train, "crack:2:planet:3:15%", seed=4, load=0.85, **given)
+    told = gearmon.analyse(hurt, train, gearmon.learn(healthy, train))
+    first = told.flags[0]
+    assert (told.verdict, first.kind, first.gear) == ("fault", "tooth damage", "planet")
+    assert 0.075 < first.stiffness_loss < 0.3
+    noticed = next(p.noticed_from for p in told.profiles if p.gear == "planet")
+    assert noticed < 0.15
 
 
 def test_harmonics_that_planets_cancel_tell_nothing_of_the_path():
