@@ -28,8 +28,9 @@ def noting(function, kept):
 
 @pytest.fixture(scope="module", autouse=True)
 def shortened():
-    """Fewer recordings; a full demo takes half a minute of computing."""
+    """Fewer and shorter recordings; a full demo takes half a minute of computing."""
     patch = pytest.MonkeyPatch()
+    patch.setattr(monitoring, "DURATION_S", 3.0)
     patch.setattr(monitoring, "RECORDINGS", 5)
     patch.setattr(monitoring, "SOUND", 2)
     patch.setattr(monitoring, "GROWTH_LOADS", (0.7, 0.85, 1.0))
