@@ -617,7 +617,7 @@ def test_of_gears_that_turn_alike_either_may_be_the_cause(gear):
     stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 23, "module_mm": 4.0}
     stage |= {"face_width_mm": 30.0}
     box = load_machine({"operating": [{"speed_rpm": 540, "torque_nm": 300}], "stage": [stage]})
-    driven = partial(simulate, box, duration_s=4.0, channels=1, machine_seed=3)
+    driven = partial(simulate, box, duration_s=3.0, channels=1, machine_seed=3)
     cracked = driven(f"crack:1:{gear}:9:25%", recording_seed=6, load=0.9)
     told = analyse(cracked, box, learn([driven(recording_seed=1)], box))
     assert told.flags[0].kind == "tooth damage"

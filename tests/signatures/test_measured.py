@@ -238,13 +238,12 @@ def test_a_path_through_noise_is_no_mesh(seed):
     assert not measure_signature(recording, MACHINE).held
 
 
-@pytest.mark.parametrize("seed", [6, 7])
-def test_an_engine_that_hunts_is_followed(seed):
+def test_an_engine_that_hunts_is_followed():
     """A speed that wanders by 3 %, up to 19 % a second, in noise, bearing tones and mains hum."""
     made = simulate(
         load_machine(PAIR),
         machine_seed=911,
-        recording_seed=seed,
+        recording_seed=7,
         channels=2,
         load=0.9,
         speed_drift=0.03,
