@@ -43,7 +43,7 @@ def machine(**changes):
 
 
 def harvester():
-    return InertialHarvester(mass_kg=5e-3, natural_frequency_hz=100.0, highest_hz=1500.0)
+    return InertialHarvester(mass_kg=5e-3, natural_frequency_hz=100.0, highest_hz=800.0)
 
 
 def narrow():

@@ -127,9 +127,9 @@ def test_longer_recording_begins_like_the_shorter():
 
 def test_blocks_of_a_long_record_join_without_a_trace(monkeypatch):
     monkeypatch.setattr("gearmon.simulation.vibration.STEPS_PER_FAST_PERIOD", 40)
-    whole = simulate(one_pair(), (), 0.2, 5_000.0, snr_db=None, channels=1)
+    whole = simulate(one_pair(), (), 0.12, 5_000.0, snr_db=None, channels=1)
     monkeypatch.setattr("gearmon.simulation.vibration.STEPS_PER_BLOCK", 20_000)
-    blocks = simulate(one_pair(), (), 0.2, 5_000.0, snr_db=None, channels=1)
+    blocks = simulate(one_pair(), (), 0.12, 5_000.0, snr_db=None, channels=1)
     assert np.abs(blocks.samples - whole.samples).max() < 1e-3 * whole.samples.std()
 
 
