@@ -8,6 +8,7 @@ import os
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["OMP_NUM_THREADS"] = "1"
 
+import gc
 import gzip
 import json
 import re
@@ -52,6 +53,17 @@ def pytest_xdist_make_scheduler(config, log):
     # in the order of the folders, slow ones first; not by number of tests
     config.option.loadscopereorder = False
     return ByWhatIsShared(config, log)
+
+
+def pytest_sessionstart() -> None:
+    """Do not look for garbage among what the tests are made of; it lasts as long as they do."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.set_threshold(10_000)
+    gc.enable()
 
 
 @pytest.fixture(scope="session")

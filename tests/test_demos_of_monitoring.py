@@ -28,8 +28,9 @@ def noting(function, kept):
 
 @pytest.fixture(scope="module", autouse=True)
 def shortened():
-    """Fewer recordings; a full demo takes half a minute of computing."""
+    """Fewer and shorter recordings; a full demo takes half a minute of computing."""
     patch = pytest.MonkeyPatch()
+    patch.setattr(monitoring, "DURATION_S", 3.0)
     patch.setattr(monitoring, "RECORDINGS", 5)
     patch.setattr(monitoring, "SOUND", 2)
     patch.setattr(monitoring, "GROWTH_LOADS", (0.7, 0.85, 1.0))
@@ -37,7 +38,7 @@ def shortened():
     patch.setattr(monitoring, "DAY_LEARNED", monitoring.DAY_LEARNED[1:4])
     patch.setattr(monitoring, "NEW_LOADS", (0.93,))
     patch.setattr(monitoring, "KIND_LOADS", (0.7, 0.85, 1.0))
-    patch.setattr(monitoring, "EXAMPLES", 160)
+    patch.setattr(monitoring, "EXAMPLES", 120)
     for name in ("day_figure", "kind_figure", "_monitored"):
         patch.setattr(monitoring, name, noting(getattr(monitoring, name), KEPT))
     yield

@@ -199,7 +199,7 @@ def test_results_are_like_the_others(farm):
 
 
 def test_the_demo_sums_up_a_day(tmp_path, monkeypatch):
-    monkeypatch.setattr(demo, "LEVER_S", 5.0)
+    monkeypatch.setattr(demo, "LEVER_S", 3.0)
     told = run_demo("exposure", tmp_path / "demo")
     a8, vdv = told.facts["day"]["doses"]
     assert a8["low"] < 0.5 < a8["high"]

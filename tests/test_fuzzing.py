@@ -7,6 +7,8 @@ from fuzzing import FORMATS, attack, targets
 
 # Every file of a reference that is read whole is also used.
 TRIALS = {"csv": 80, "reference": 60, "kinds": 100, "history": 100, "ledger": 50}
+# Libraries that read these do so in a process of its own.
+TRIALS |= dict.fromkeys(("hdf5", "mat", "packed_mat"), 80)
 NAMES = ("tables", "csv", "reference", "kinds", "history", "indicators", "machine")
 NAMES += ("fleet", "ledger", "plan", "harvester")
 

@@ -476,9 +476,9 @@ def test_a_speed_outside_the_reference_is_said_so():
     assert "in the reference at" in far.reason
 
 
-def heard_at(speed_hz, orders, levels, seed):
+def heard_at(speed_hz, orders, levels, seed, seconds=6):
     """A recording of some lines at this mean speed, in noise."""
-    time = np.arange(int(10 * RATE_HZ)) / RATE_HZ
+    time = np.arange(int(seconds * RATE_HZ)) / RATE_HZ
     clean = lines_on(wandering_turns(time, speed_hz, 1e-3, seed), orders, levels)
     samples = clean + white((1, len(time)), 0.1, seed=seed)
     return Recording(samples=samples, sampling_rate_hz=RATE_HZ, origin=f"{speed_hz} Hz, {seed}")
@@ -493,8 +493,8 @@ def test_the_only_mesh_that_is_heard_passes_for_no_other():
     # 5 % below the order of the first mesh stands the second, which alone is heard
     box, order = driven((29, 50), (48, 95)), 48 * 29 / 50
     lines = [order, 2 * order, 3 * order, 4 * order], [1.0, 0.6, 0.3, 0.3]
-    known = learn([heard_at(20.0, *lines, seed) for seed in (1, 2, 3)], box)
-    fast = heard_at(20.8, *lines, 4)
+    known = learn([heard_at(20.0, *lines, seed, 10) for seed in (1, 2, 3)], box)
+    fast = heard_at(20.8, *lines, 4, 10)
     assert abs(measure_signature(fast, box).speed.estimated_hz - 20.8) > 0.5
     told = analyse(fast, box, known)
     assert told.signature.speed.estimated_hz == pytest.approx(20.8, rel=1e-3)
@@ -603,7 +603,7 @@ def test_a_tooth_is_found_between_knocks():
 def test_a_tooth_that_few_lines_tell_of_is_no_knock():
     # most lines of this pinion are noise: its own scatter there is that of everywhere
     combine = load_machine(Path(__file__).parents[2] / "signatures" / "combine_gearbox.toml")
-    own = {"machine_seed": 2}
+    own = {"machine_seed": 2, "duration_s": 6.0}
     healthy = learn([simulate(combine, load=0.8, recording_seed=1, **own)], combine)
     cracked = simulate(combine, "crack:1:pinion:3:30%", load=0.9, recording_seed=2, **own)
     told = analyse(cracked, combine, healthy)
@@ -617,7 +617,7 @@ def test_of_gears_that_turn_alike_either_may_be_the_cause(gear):
     stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 23, "module_mm": 4.0}
     stage |= {"face_width_mm": 30.0}
     box = load_machine({"operating": [{"speed_rpm": 540, "torque_nm": 300}], "stage": [stage]})
-    driven = partial(simulate, box, duration_s=4.0, channels=1, machine_seed=3)
+    driven = partial(simulate, box, duration_s=3.0, channels=1, machine_seed=3)
     cracked = driven(f"crack:1:{gear}:9:25%", recording_seed=6, load=0.9)
     told = analyse(cracked, box, learn([driven(recording_seed=1)], box))
     assert told.flags[0].kind == "tooth damage"

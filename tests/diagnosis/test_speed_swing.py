@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from gearmon.signals.recording import Recording
 RATE, DURATION, TEETH, SPEED = 10_000.0, 10.0, (35, 97), 24.0
 
 
+@cache
 def machine():
     stage = ParallelStage(
         pinion_teeth=TEETH[0], gear_teeth=TEETH[1], module_mm=3.0, face_width_mm=30.0
@@ -34,6 +36,7 @@ def housing(rng):
     return heard.sum(axis=1) / np.sqrt((heard.sum(axis=1) ** 2).sum())
 
 
+@cache
 def drive(number, swing, seed, load=1.0, broken=0.0, pulses=0):
     """Mesh harmonics modulated by both gears, through a housing; one tooth yields by `broken`.
 
@@ -68,18 +71,31 @@ def drive(number, swing, seed, load=1.0, broken=0.0, pulses=0):
     return Recording(samples=np.stack([through, marks]), **made, **kinds, tacho_told=False)
 
 
+@cache
+def steady_one(number):
+    """What three healthy recordings of a steady drive teach."""
+    return learn([drive(number, 0.002, seed) for seed in (1, 2, 3)], machine())
+
+
+@cache
+def run_up_and_down(number, swing, pulses):
+    """What two healthy recordings at other loads teach."""
+    loads = (1, 0.7), (2, 1.0)
+    return learn(
+        [drive(number, swing, seed, load, pulses=pulses) for seed, load in loads], machine()
+    )
+
+
 @pytest.mark.parametrize("number", [0, 3, 6])
 def test_a_speed_that_swings_as_no_healthy_recording_is_no_fault(number):
-    steady = learn([drive(number, 0.002, seed) for seed in (1, 2, 3)], machine())
     for swing in (0.05, 0.1):
-        found = analyse(drive(number, swing, seed=4), machine(), steady)
+        found = analyse(drive(number, swing, seed=4), machine(), steady_one(number))
         assert found.verdict != "fault"
         assert any("swung by" in warning for warning in found.warnings)
 
 
 def test_a_broken_tooth_is_found_though_the_speed_swings():
-    steady = learn([drive(0, 0.002, seed) for seed in (1, 2, 3)], machine())
-    found = analyse(drive(0, 0.05, seed=4, broken=0.4), machine(), steady)
+    found = analyse(drive(0, 0.05, seed=4, broken=0.4), machine(), steady_one(0))
     assert (found.verdict, found.flags[0].kind, found.flags[0].gear) == (
         "fault",
         "tooth damage",
@@ -96,8 +112,7 @@ def test_beside_recordings_that_swing_alike_nothing_is_said_of_it():
 
 @pytest.mark.parametrize(("swing", "pulses"), [(0.3, 1), (0.4, 2), (0.12, 0), (0.2, 0)])
 def test_a_machine_that_is_run_up_and_down_is_judged_as_a_steady_one(swing, pulses):
-    known = [drive(0, swing, seed, load, pulses=pulses) for seed, load in ((1, 0.7), (2, 1.0))]
-    reference = learn(known, machine())
+    reference = run_up_and_down(0, swing, pulses)
     assert not any("angle" in note for note in reference.notes)
     sound = analyse(drive(0, swing, 4, 0.85, pulses=pulses), machine(), reference)
     assert sound.verdict == "healthy"
@@ -115,12 +130,11 @@ def test_recordings_whose_angle_was_lost_are_named_when_they_are_learned():
 
 @pytest.mark.parametrize("number", [0, 2])
 def test_knocks_are_no_tooth_while_the_speed_swings(number):
-    known = [drive(number, 0.3, seed, load, pulses=1) for seed, load in ((1, 0.7), (2, 1.0))]
     sound = drive(number, 0.3, 4, 0.85, pulses=1)
     samples, rng = sound.samples.copy(), np.random.default_rng(number)
     ring = np.exp(-np.arange(1000) / 80) * np.sin(0.6 * np.arange(1000))
     for start in rng.integers(0, samples.shape[1] - 1000, 3):
         samples[0, start : start + 1000] += 60 * sound.samples[0].std() * ring
-    found = analyse(replace(sound, samples=samples), machine(), learn(known, machine()))
+    found = analyse(replace(sound, samples=samples), machine(), run_up_and_down(number, 0.3, 1))
     assert not any(flag.gear for flag in found.flags)
     assert found.verdict in ("healthy", "cannot tell")

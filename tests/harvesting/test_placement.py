@@ -28,9 +28,9 @@ from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
 from gearmon.signals.recording import Recording
 
 RATE = 4000.0
-#: Simulated days behind a coverage, which then scatters by 1 %: five times those that the bar of 86
-#: to 94 % is set for.
-DAYS = 1000
+#: Simulated days behind a coverage, which then scatters by 1.2 %: three times those that the bar of
+#: 86 to 94 % is set for.
+DAYS = 600
 
 
 def machine(**changes):
@@ -43,7 +43,7 @@ def machine(**changes):
 
 
 def harvester():
-    return InertialHarvester(mass_kg=5e-3, natural_frequency_hz=100.0, highest_hz=1500.0)
+    return InertialHarvester(mass_kg=5e-3, natural_frequency_hz=100.0, highest_hz=800.0)
 
 
 def narrow():
@@ -155,7 +155,8 @@ def test_shares_that_are_not_known_widen_the_interval():
 
 def test_blocks_of_operation_are_a_sample_of_it():
     hits = []
-    for seed in range(DAYS):
+    # of the normal distribution in place of Student's t these tell only if there are many
+    for seed in range(1000):
         low, high = interval_90(between(np.random.default_rng(seed).lognormal(0, 0.5, 12)))
         hits.append(low <= math.exp(0.125) <= high)
     assert 0.86 <= np.mean(hits) <= 0.94

@@ -75,7 +75,7 @@ def test_a_longer_recording_does_not_change_the_power():
 @pytest.mark.parametrize("kind", HARVESTERS)
 @pytest.mark.parametrize(("room", "restitution"), [(0.4, 0.5), (0.7, 0.9)])
 def test_power_with_stops_is_that_of_small_steps(kind, room, restitution):
-    samples = 5 * heard(7, 1.5, 0.0, 1.0, 0.1)
+    samples = 5 * heard(7, 1.0, 0.0, 1.0, 0.1)
     free = respond(HARVESTERS[kind], samples, RATE).peaks[1]
     limits = {"clearance_m": room * float(free), "restitution": restitution}
     tight = replace(HARVESTERS[kind], weight_ms2=9.81, **limits)

@@ -242,7 +242,7 @@ def test_grown_lines_of_a_train_are_those_of_marching():
     known = dict.fromkeys(still, 0.0) | {"snr_db": None, "accuracy_grade": None, "channels": 1}
 
     def marched(*faults):
-        made = read_recording(simulate(machine, faults, 2.0, 25_600.0, seed=1, **known))
+        made = read_recording(simulate(machine, faults, 1.0, 25_600.0, seed=1, **known))
         samples = made.vibration().samples.ravel()
         turns = 10.0 * np.arange(len(samples)) / made.sampling_rate_hz
         waves = np.exp(-2j * np.pi * z * np.outer(np.arange(1, 8), turns))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -219,9 +220,8 @@ def test_the_operating_point_that_fits_is_taken():
     assert measured.speed.nominal_hz == 25.0
 
 
-@pytest.mark.parametrize("seed", [2, 3])
-@pytest.mark.parametrize("rpm", [1906.0, 950.0])
-def test_twice_the_speed_is_told_from_once(seed, rpm):
+@pytest.mark.parametrize(("rpm", "seed"), [(1906.0, 2), (950.0, 3)])
+def test_twice_the_speed_is_told_from_once(rpm, seed):
     stage = ParallelStage(pinion_teeth=17, gear_teeth=60, module_mm=4.0, face_width_mm=36.0)
     machine = replace(one_pair(17, 60, 1906.0, 950.0), stages=(stage,))
     point = replace(machine.operating[0], speed_rpm=rpm, torque_nm=100.0)
@@ -238,13 +238,12 @@ def test_a_path_through_noise_is_no_mesh(seed):
     assert not measure_signature(recording, MACHINE).held
 
 
-@pytest.mark.parametrize("seed", [6, 7])
-def test_an_engine_that_hunts_is_followed(seed):
+def test_an_engine_that_hunts_is_followed():
     """A speed that wanders by 3 %, up to 19 % a second, in noise, bearing tones and mains hum."""
     made = simulate(
         load_machine(PAIR),
         machine_seed=911,
-        recording_seed=seed,
+        recording_seed=7,
         channels=2,
         load=0.9,
         speed_drift=0.03,
@@ -499,8 +498,7 @@ def stepped_up(wander, seed):
     return turns, lines_on(turns, orders, levels, phases)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("wander", [0.001, 0.005])
+@pytest.mark.parametrize(("wander", "seed"), [(0.001, 1), (0.001, 2), (0.005, 2), (0.005, 3)])
 def test_a_slow_input_is_tracked_by_the_meshes_of_the_fast_shafts(wander, seed):
     turns, clean = stepped_up(wander, seed)
     samples = clean + white(len(clean), 0.2, seed=seed)
@@ -651,14 +649,24 @@ def test_knocks_leave_the_levels_between_the_lines(per_second):
     assert 0.2 * most < np.nanmedian(knocked - quiet) < most < 2.1  # of their mean: 7 and 10 dB
 
 
-@pytest.mark.parametrize("share", [0.8, 0.95, 1.08, 1.2])
-@pytest.mark.parametrize("name", ["combine_gearbox", "planetary_final_drive"])
-def test_speed_and_angle_are_found_far_from_nominal_without_a_tachometer(name, share):
+@cache
+def of_the_catalogue(name, share):
+    """A machine, and a recording of it at this share of its first nominal speed."""
     machine = load_machine(SIGNATURES / f"{name}.toml")
     nominal = machine.operating[0]
     point = replace(nominal, speed_rpm=share * nominal.speed_rpm)
-    recording = simulate(machine, (), 10.0, 10_000.0, seed=8, point=point, channels=2)
-    measured = measure_signature(recording, machine)
+    return machine, simulate(machine, (), 10.0, 10_000.0, seed=8, point=point, channels=2)
+
+
+@pytest.mark.parametrize("share", [0.8, 0.95, 1.08, 1.2])
+@pytest.mark.parametrize(
+    ("name", "run"), [("combine_gearbox", 1.2), ("planetary_final_drive", 0.8)]
+)
+def test_speed_and_angle_are_found_far_from_nominal_without_a_tachometer(name, run, share):
+    """One recording, beside machine files whose nominal speeds it is ever so far from."""
+    machine, recording = of_the_catalogue(name, run)
+    points = (replace(p, speed_rpm=p.speed_rpm * run / share) for p in machine.operating)
+    measured = measure_signature(recording, replace(machine, operating=tuple(points)))
     assert measured.found
     truth = recording.truth["speed"]
     assert measured.speed.estimated_hz == pytest.approx(truth["mean_hz"], rel=3e-4)

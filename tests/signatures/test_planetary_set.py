@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -106,9 +107,6 @@ def test_the_final_drive_of_the_catalogue_sounds_as_expected(monkeypatch):
     hertz = found["frequency_hz"][kept]
     force = found["acceleration_ms2"][kept] * found.header["stages"][1]["equivalent_mass_kg"]
     assert sorted(set(found["mesh_harmonic"][kept].tolist())) == [1, 2, 3, 4, 5, 6]
-    heard = recorded(machine, hertz, stage=2)
-    strong = force > 0.01 * force.max()
-    assert np.abs(20 * np.log10(heard[strong] / force[strong])).max() < 1
     # what equal planets suppress is not there: other turns of the carrier, less those of stage 1
     orders = kinematics(machine)
     carrier = float(orders.mesh(2).carrier)
@@ -116,7 +114,24 @@ def test_the_final_drive_of_the_catalogue_sounds_as_expected(monkeypatch):
     suppressed = np.setdiff1d(np.arange(places.min(), places.max()), places)
     apart = np.abs(suppressed - orders.mesh(1).order / carrier)
     others = suppressed[apart > 1.5] * carrier * machine.operating[0].shaft1_hz
-    assert recorded(machine, others, stage=2).max() < 0.01 * force.max()
+    heard, silent = np.split(recorded(machine, np.append(hertz, others), stage=2), [len(hertz)])
+    strong = force > 0.01 * force.max()
+    assert np.abs(20 * np.log10(heard[strong] / force[strong])).max() < 1
+    assert silent.max() < 0.01 * force.max()
+
+
+@cache
+def of_a_final_drive():
+    """A machine, and a recording of it without noise."""
+    machine = gearmon.load_machine(FOLDER / "planetary_final_drive.toml")
+    return machine, gearmon.simulate(
+        machine,
+        machine_seed=3,
+        recording_seed=201,
+        load=0.85,
+        channels=2,
+        snr_db=None,
+    )
 
 
 @pytest.mark.parametrize("snr_db", [20.0, 60.0])
@@ -125,12 +140,12 @@ def test_a_final_drive_is_heard_where_its_housing_rings(snr_db):
 
     Where noise is low, pitch errors show lines as clear as the first of the mesh between these.
     """
-    machine = gearmon.load_machine(FOLDER / "planetary_final_drive.toml")
-    recording = gearmon.simulate(
-        machine, machine_seed=3, recording_seed=201, load=0.85, channels=2, snr_db=snr_db
-    )
+    machine, recording = of_a_final_drive()
+    samples = np.asarray(recording.samples)
+    size = 10 ** (-snr_db / 20) * samples.std(axis=1, keepdims=True)
+    noise = size * np.random.default_rng(201).normal(size=samples.shape)
     vibration = gearmon.read_recording(
-        recording.samples, sampling_rate_hz=recording.sampling_rate_hz, unit="m/s2"
+        samples + noise, sampling_rate_hz=recording.sampling_rate_hz, unit="m/s2"
     )
     heard = gearmon.measure_signature(vibration, machine)
     assert heard.found

@@ -77,9 +77,9 @@ def test_alternating_pitch_errors_are_a_gears_own_comb_at_half_the_mesh():
 
 
 def test_invented_pairs_are_not_found_on_bearings():
-    # 30 rigs: at the one in fifty of a larger trial (568 pairs) more than two would be rare
+    # 20 rigs: at the one in fifty of a larger trial (568 pairs) more than one would be rare
     found = []
-    for seed in range(30):
+    for seed in range(20):
         generator = np.random.default_rng([seed, 9])
         kind = KINDS[seed % 3]
         samples, shaft_hz, _ = bearing_rig(
@@ -89,4 +89,4 @@ def test_invented_pairs_are_not_found_on_bearings():
         machine = train_of((pinion, gear), speed_hz=shaft_hz / generator.uniform(0.97, 1.03))
         recording = Recording(samples=samples, sampling_rate_hz=RATE, origin=f"{kind} {seed}")
         found.append(measure_signature(recording, machine).found)
-    assert sum(found) <= 2
+    assert sum(found) <= 1

@@ -42,7 +42,7 @@ def test_cracks_between_perfect_flanks_are_sized_as_they_are():
 
     def recorded(seed, *faults):
         own = {"machine_seed": 2, "recording_seed": seed, "channels": 2, "tacho_shaft": 1}
-        return simulate(machine, faults, 5.0, 12_800.0, accuracy_grade=None, **own)
+        return simulate(machine, faults, 3.0, 12_800.0, accuracy_grade=None, **own)
 
     reference = learn(recorded(1), machine)
     for gear in ("pinion", "gear"):

@@ -218,7 +218,7 @@ def test_a_harmonic_tells_of_the_path_from_a_fifth_of_what_a_planet_brings_witho
 
 def test_damage_of_sun_and_planet_is_found_in_a_simulated_set():
     train = full(18, 27, 72, 3)
-    given = {"duration_s": 12.0, "sampling_rate_hz": 8000.0, "channels": 1, "machine_seed": 5}
+    given = {"duration_s": 6.0, "sampling_rate_hz": 8000.0, "channels": 1, "machine_seed": 5}
     healthy, sound, hurt, sun = (
         gearmon.simulate(train, faults=fault, recording_seed=seed, load=load, **given)
         for seed, (load, *fault) in enumerate(

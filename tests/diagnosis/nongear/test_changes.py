@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -196,7 +197,17 @@ def listed(orders, level_db, over_db):
         )
         for order, level, over in zip(orders, level_db, over_db, strict=True)
     )
-    grids = tuple(
+    return NonGearLines(
+        lines=lines, grids=even_grids(), speed_hz=25.0, cell_hz=1.25, in_time_db=EVEN_CELLS
+    )
+
+
+EVEN_CELLS = np.full((CHANNELS, 800), NOISE_DB, dtype=np.float32)
+
+
+@cache
+def even_grids():
+    return tuple(
         NoiseGrid(
             kind=kind,
             width=0.005,
@@ -209,8 +220,6 @@ def listed(orders, level_db, over_db):
         )
         for kind in ("spectrum", "envelope")
     )
-    cells = np.full((CHANNELS, 800), NOISE_DB, dtype=np.float32)
-    return NonGearLines(lines=lines, grids=grids, speed_hz=25.0, cell_hz=1.25, in_time_db=cells)
 
 
 def scatters(generator, references, shape):
