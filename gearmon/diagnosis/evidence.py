@@ -113,10 +113,11 @@ class Limits:
     recurs : float
         Energy at a tooth over what the scatter of its blocks leaves there, below which it does not
         come again with every turn. Recordings of four drawn machines with 1 to 20 knocks of up to
-        twenty times the rest: 2.4 at most; 15 % on a tooth, in 2 s with 3 blocks too: 16 and more,
-        7 to 15 % on a planet, beside its lines: 5 and more. Of nine lumped machines whose speed
-        changes by a factor of 1.8 a crack of 30 % is in 5.6 to 27 blocks of 8 to 30, what 5 and
-        20 knocks leave in 3.6 at most, of 40 in 5.
+        twenty times the rest: 2.4 at most; 15 % on a tooth, in 2 s with 3 blocks too: 16 and more.
+        On a planet, lines at its turn included, 15 % leave 2.8 to 3.4 in four blocks and 30 % 8 and
+        more (three machines). Of nine lumped machines whose speed changes by a factor of 1.8 a
+        crack of 30 % is in 5.6 to 27 blocks of 8 to 30, what 5 and 20 knocks leave in 3.6 at most,
+        of 40 in 5.
     knocks : float
         Share of the blocks with knocks from which levels call no fault.
     knock_scatter : float

@@ -134,14 +134,15 @@ def test_planned_lines_hold_what_damage_adds(teeth, gear):
 @pytest.mark.parametrize("teeth", [(18, 27, 72, 3), (25, 29, 83, 4)])
 @pytest.mark.parametrize("gear", ["sun", "planet"])
 def test_damage_is_heard_at_the_turn_itself_where_the_other_planets_cannot_follow(teeth, gear):
-    """Limits: slowly the load is shed whole; fast a mesh is alone: (1 - d/2)^2 over (d/4)^2."""
-    response = tooth_response(full(*teeth), 1, gear, 5000.0)
+    """Limits: slowly load is shed whole; fast a mesh is nearly alone: (1 - d/2)^2 over (d/4)^2."""
+    response = tooth_response(full(*teeth), 1, gear, 2500.0)
     places = response.teeth * np.arange(1, len(response.mesh) - 1)
     own, below, above = (response.band_power(places, side) for side in (0, -1, 1))
     assert own[0] < 1e-4 * below[0]
     alone = ((1 - PLANET_PASS_DEPTH / 2) / (PLANET_PASS_DEPTH / 4)) ** 2
     for beside in (below, above):
-        assert np.median((own / beside)[-12:]) == pytest.approx(alone, rel=0.5)
+        # dampers of the other meshes still take some
+        assert 0.9 * alone < np.median((own / beside)[-12:]) < 2 * alone
 
 
 def test_each_side_has_the_lines_of_its_own():
@@ -180,16 +181,16 @@ def test_bearings_of_planets_that_tell_only_their_balls_are_rigid():
 
 def test_a_small_loss_of_a_planet_is_found_on_the_final_drive_of_the_catalogue():
     train = gearmon.load_machine(FOLDER / "planetary_final_drive.toml")
-    loads = enumerate([0.6, 1.0])
-    given = {"machine_seed": 7, "channels": 2}
-    healthy = [gearmon.simulate(train, seed=n, load=load, **given) for n, load in loads]
-    hurt = gearmon.simulate(train, "crack:2:planet:3:15%", seed=4, load=0.85, **given)
-    told = gearmon.analyse(hurt, train, gearmon.learn(healthy, train))
+    given = {"machine_seed": 7, "channels": 1, "sampling_rate_hz": 6000.0, "load": 0.7}
+    healthy, hurt = (
+        gearmon.simulate(train, fault, seed=seed, **given)
+        for seed, fault in ((0, ()), (4, "crack:2:planet:3:15%"))
+    )
+    told = gearmon.analyse(hurt, train, gearmon.learn([healthy], train))
     first = told.flags[0]
     assert (told.verdict, first.kind, first.gear) == ("fault", "tooth damage", "planet")
-    assert 0.075 < first.stiffness_loss < 0.3
-    noticed = next(p.noticed_from for p in told.profiles if p.gear == "planet")
-    assert noticed < 0.15
+    assert first.stiffness_loss_low < 0.15 < first.stiffness_loss_high
+    assert next(p.noticed_from for p in told.profiles if p.gear == "planet") < 0.15
 
 
 def test_harmonics_that_planets_cancel_tell_nothing_of_the_path():
