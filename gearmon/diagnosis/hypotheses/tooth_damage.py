@@ -327,7 +327,7 @@ def as_heard(
         heard = (band.side != 0) == beside
         if response is not None:
             power = (response.band_power(band.number, side).sum() for side in (0, -1, 1))
-            heard = heard or next(power) >= max(power)
+            heard = heard or next(power) > max(power)
             heard &= bool(np.all(response.mesh[band.harmonic :][:1]))
         if heard and np.count_nonzero(met) >= _LEAST_LINES:
             names = ("rest", "deviation", "noise", "pattern", "known")

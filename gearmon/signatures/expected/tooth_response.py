@@ -193,7 +193,8 @@ class ToothResponse(Result):
         Change of the acceleration per unit of loss at multiples 0..top of the gear's rotation;
         tooth 1 enters contact at angle 0. Of a planetary set without phase.
     beside : ndarray of complex, shape (2, top + 1) or (0, top + 1)
-        The same a turn of the carrier below and above, where a sensor hears planets pass.
+        The same a turn of the carrier below and above, where a sensor hears planets pass; none of a
+        set of which only one mesh is known: `lines` stand for them.
     mesh : ndarray of complex, shape (harmonics + 1,)
         Acceleration of the healthy mesh at harmonics 0.. of the mesh, in the same unit.
     pair_share : ndarray of float, shape (points,)
@@ -249,7 +250,7 @@ class ToothResponse(Result):
             Mean of |lines|^2 over one mesh order about each: single lines of a pulse may vanish for
             a contact ratio that is a little different.
         """
-        lines = self.beside[max(side, 0)] if side else self.lines
+        lines = self.beside[max(side, 0)] if side and len(self.beside) else self.lines
         return _mean_about(np.abs(lines) ** 2, np.rint(number), self.teeth)
 
 
@@ -429,7 +430,7 @@ def _of_set(machine: Machine, found: LossResponse) -> tuple[ComplexArray, Comple
         lines = np.asarray([np.bincount(own, power)], dtype=np.float64)
     else:
         # by themselves, below and above
-        lines = np.zeros((3, int(number.max()) + 2))
+        lines = np.zeros((3 if found.carrier.any() else 1, int(number.max()) + 2))
         lines[np.array([0, 2, 1])[found.carrier], number] = power
     of_mesh = np.flatnonzero(found.mesh_acceleration)
     harmonic = found.number[of_mesh] // found.teeth

@@ -158,6 +158,24 @@ def test_each_side_has_the_lines_of_its_own():
     assert tooth_response(train, 1, "ring", 100.0).beside.shape[0] == 0
 
 
+@pytest.mark.parametrize("gear", ["sun", "ring"])
+def test_lines_of_one_mesh_stand_for_those_beside_it(gear):
+    """Of a set told by one mesh alone, and of a ring that turns where only teeth are told."""
+    mesh = {"contact_ratio": 1.5, "mesh_stiffness_n_per_m": 8e8, "force_n": 4e3}
+    known = replace(machine().stages[0], equivalent_mass_kg=0.3, **mesh)
+    turning = replace(machine().stages[0], fixed="sun", driving="carrier")
+    told = replace(machine(), stages=(known if gear == "sun" else turning,))
+    response = tooth_response(told, 1, gear, 100.0)
+    assert not len(response.beside)
+    places = np.arange(response.teeth, 3 * response.teeth)
+    own = response.band_power(places)
+    assert own.min() > 0
+    assert all(np.array_equal(own, response.band_power(places, side)) for side in (-1, 1))
+    # where nothing tells more of the gear's own turn the lines beside it count alone
+    heard = as_heard(deviation("sun", None, 0), told, replace(response, mesh=1 + 0 * response.mesh))
+    assert {band.side for band in heard.bands} == {-1, 1}
+
+
 def test_lines_at_the_turn_count_where_the_response_is_louder_there():
     gear, train = deviation("planet", None, 0), full(SUN, PLANET, RING, PLANETS)
     response = tooth_response(train, 1, "planet", 200.0)
