@@ -299,3 +299,11 @@ def test_too_few_blocks_are_told_of_but_not_clipped():
     told = without_knocks(few, np.arange(60), number)
     assert told.knocked == pytest.approx(0.2)
     assert np.array_equal(told.amplitude, few.amplitude)
+
+
+@pytest.mark.parametrize(("count", "knocked"), [(5, 0), (16, 1)])
+def test_of_few_blocks_one_that_is_a_little_louder_was_not_knocked(count, knocked):
+    lines, number = blocks_of_a_turn(count)
+    lines.amplitude[1] *= 1.6
+    told = without_knocks(lines, np.arange(60), number)
+    assert told.knocked == pytest.approx(knocked / count)
