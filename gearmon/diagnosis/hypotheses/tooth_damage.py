@@ -326,8 +326,9 @@ def as_heard(
         # where nothing is beside a gear, its own turn is the carrier's, or the carrier stands
         heard = (band.side != 0) == beside
         if response is not None:
-            power = (response.band_power(band.number, side).sum() for side in (0, -1, 1))
-            heard = heard or next(power) > max(power)
+            if not heard:
+                sides = [float(response.band_power(band.number, s).sum()) for s in (0, -1, 1)]
+                heard = sides[0] > max(sides[1:])
             heard &= bool(np.all(response.mesh[band.harmonic :][:1]))
         if heard and np.count_nonzero(met) >= _LEAST_LINES:
             names = ("rest", "deviation", "noise", "pattern", "known")
