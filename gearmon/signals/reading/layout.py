@@ -57,9 +57,12 @@ _QUOTED = re.compile(r'[ \t]*"((?:[^"]|"")*)"[ \t]*')
 _FIELDS = {
     mark: re.compile(rf'(?:^|{mark})((?:[^"{mark}]|"[^"]*(?:"|\Z))*)') for mark in "\t;,"
 } | {" ": re.compile(r'((?:[^"\s]|"[^"]*(?:"|\Z))+)')}
-_TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?")
+# Days are told apart by ISO 8601 alone: 4/5/2026 may be of April or of May.
+_TIME_OF_DAY = re.compile(
+    r"(?:\d{1,2}([/.-])\d{1,2}\1\d{4}[T ]+)?(\d{1,2})(:\d{2}:\d{2}(?:[.,]\d+)?)(?:\s?([AaPp])[Mm])?"
+)
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:\d{2}")
-_SPREADSHEET_ERROR = re.compile(r"#(n/a|nv|div/0!|wert!|value!|ref!|num!|zahl!|name\?|null!)")
+_SPREADSHEET_ERROR = re.compile(r"(?i)#(n/a|nv|div/0!|wert!|value!|ref!|num!|zahl!|name\?|null!)")
 # What loggers, spreadsheets and C libraries print instead of a number.
 _NO_VALUE = """
     nan -nan +nan nan(ind) -nan(ind) nan(snan) 1.#qnan -1.#qnan 1.#ind -1.#ind 1.#inf -1.#inf
@@ -86,6 +89,8 @@ class Dialect:
         Index of a column of dates and times or times of day.
     stamp_origin : int
         The first of these stamps, in microseconds.
+    texts : frozenset of int
+        Indices of columns of words, such as labels, that are not read.
     first_line : int
         Number of the first row's line.
     names, units : sequence of str
@@ -103,6 +108,7 @@ class Dialect:
     trailing: bool = False
     stamp: int | None = None
     stamp_origin: int = 0
+    texts: frozenset[int] = frozenset()
     first_line: int = 1
     names: Sequence[str] = ()
     units: Sequence[str] = ()
@@ -121,13 +127,13 @@ class Dialect:
         """Return the fields if each is a number, a time stamp or missing, and not all missing."""
         fields = self.split(line)
         stamps_allowed = self.separator not in ("", " ")
-        for field in fields:
+        for field in (told := [own for k, own in enumerate(fields) if k not in self.texts]):
             if not (is_number(field, self.decimal) or is_missing(field)):
                 if not stamps_allowed or to_microseconds(field) is None:
                     return None
                 stamps_allowed = False  # one such column at most
         # a line of dashes is no row; one of NaN is
-        says = (any(map(str.isdigit, own)) or own[-3:].lower() in ("nan", "inf") for own in fields)
+        says = (any(map(str.isdigit, own)) or own[-3:].lower() in ("nan", "inf") for own in told)
         return fields if any(says) else None
 
     def fitting(self, line: str) -> list[str] | None:
@@ -144,9 +150,9 @@ class Dialect:
         moment = to_microseconds(field) if index == self.stamp else None
         if moment is not None:
             return (moment - self.stamp_origin) / 1e6
-        if index != self.stamp and is_number(field, self.decimal):
-            return to_number(field, self.decimal)
-        return math.nan if is_missing(field) else None
+        if index not in (self.stamp, *self.texts) and is_number(field, self.decimal):
+            return float(field.replace(self.decimal, ".").translate(_EXPONENT_LETTERS))
+        return math.nan if index in self.texts or is_missing(field) else None
 
     def numbers(self, cells: Sequence[str]) -> int:
         """Return how many of the cells are numbers."""
@@ -183,7 +189,8 @@ class Dialect:
     def cut(self, last: Sequence[str], above: Sequence[Sequence[str]]) -> str:
         """Say what shows that the last row is cut off, beside those above; "" if nothing does."""
         place = self.columns - 1
-        if self.numbers(last[:place]) < len(last[:place]):
+        before = [own for k, own in enumerate(last[:place]) if k not in self.texts]
+        if self.numbers(before) < len(before):
             return ""
         if len(last) <= place:
             return f"{counted(len(last), 'field')} of {self.columns}"
@@ -219,11 +226,12 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect:
         If there is no row of numbers, the beginning can be read in two ways, or its first rows are
         damaged.
     """
-    for count in (_SAMPLE, len(lines)):  # is there a text below the rows?
+    # is there a column of words, or a text below the rows?
+    for count, worded in ((_SAMPLE, False), (_SAMPLE, True), (len(lines), False)):
         # the last lines that are neither remarks nor empty
         filled = (line for line in reversed(lines) if line.strip(_EMPTY) and not is_comment(line))
         sample = list(islice(filled, count))[::-1]
-        dialect = _most_likely(sample, lines)
+        dialect = _most_likely(sample, lines, worded)
         if dialect is not None:
             break
     else:
@@ -243,42 +251,32 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect:
         if _RATE.search(text) and any(map(str.isdigit, text))
     )
     dialect = replace(dialect, first_line=first, rate_hint=next(told, ""))
-    dialect = _with_names(path, dialect, above)
-    return _with_counted_names(dialect, lines[first - 1], rows)
+    return _with_counted_names(_with_names(path, dialect, above), lines[first - 1], rows)
 
 
 def _without_rows(lines: Sequence[str]) -> str:
     """Say what stands in lines that hold no rows of numbers."""
     filled = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
     number, text = filled[-1]
-    # a column of text, if the last lines are rows of numbers but for it?
-    for separator in "\t;,":
-        rows = [split_fields(line, separator) for _, line in filled[-3:]]
-        told = [is_number(field, ".") or is_number(field, ",") for field in rows[-1]]
-        if any(told) and not all(told) and {len(row) for row in rows} == {len(told)}:
-            column = told.index(False)
-            return (
-                f"line {number}, column {column + 1}: '{shortened(rows[-1][column])}' is not a "
-                "number, as in the lines above; take that column out"
-            )
-    what = "only a header, no rows of numbers" if len(filled) <= 2 else "no rows of numbers"
-    return (
-        f"{what} in its {counted(len(lines), 'line')} (line {number} reads '{shortened(text)}'); "
-        "a recording has one line of numbers per sample, and no column of text"
-    )
+    what = f"{'only a header, ' if len(filled) <= 2 else ''}no rows of numbers in its"
+    what += f" {counted(len(lines), 'line')} (line {number} reads '{shortened(text)}')"
+    return f"{what}; a recording has one line of numbers per sample"
 
 
-def _most_likely(sample: Sequence[str], lines: Sequence[str]) -> Dialect | None:
+def _most_likely(sample: Sequence[str], lines: Sequence[str], worded: bool) -> Dialect | None:
     """Return the dialect in which most lines of the sample are rows of one length.
 
-    It has what these rows tell, and how many columns those of all lines have that are as long.
+    It has what these rows tell, and how many columns those of all lines have that are as long;
+    where it is `worded`, columns that hold words in every line count for nothing.
     """
     commas, quotes = (any(mark in line for line in sample) for mark in ',"')
     best, most = None, 0
     for mark, decimal in product(_SEPARATORS, ".,"):
         if decimal == "," and not (commas and (mark != "," or quotes)):
             continue
-        dialect = Dialect(separator=mark, decimal=decimal)
+        parts = worded and sample and mark in _FIELDS and mark != " "
+        texts = _texts(sample, lines, mark) if parts else frozenset[int]()
+        dialect = Dialect(separator=mark, decimal=decimal, texts=texts)
         rows = [(line, row) for line in sample if (row := dialect.row(line)) is not None]
         parted = sum(len(line.split()) > 1 if mark == " " else mark in line for line, _ in rows)
         lengths = Counter(len(row) for _, row in rows).most_common(1)
@@ -297,6 +295,16 @@ def _most_likely(sample: Sequence[str], lines: Sequence[str]) -> Dialect | None:
         best = replace(dialect, columns=columns, trailing=length > columns)
         best = replace(best, stamp=stamp, stamp_origin=origin)
     return best
+
+
+def _texts(sample: Sequence[str], lines: Sequence[str], mark: str) -> frozenset[int]:
+    """Return the columns that hold words in every line of the sample, and no number in any line."""
+    words = [split_fields(line, mark) for line in sample]
+    alike = (own for own in (split_fields(x, mark) for x in lines) if len(own) == len(words[-1]))
+    numbers = {k for own in alike for k, x in enumerate(own) if _NUMBER["."].match(x)}
+    own = range(min(map(len, words)))
+    worded = {k for k in own if all(x[k][:1].isalpha() and not is_missing(x[k]) for x in words)}
+    return frozenset(worded - numbers)
 
 
 def _first_row(path: str, lines: Sequence[str], dialect: Dialect) -> tuple[int, list[Line]]:
@@ -396,17 +404,14 @@ def _with_names(path: str, dialect: Dialect, above: Sequence[Line]) -> Dialect:
         upper = None
     if cells and are_units(cells) and (upper is not None or cells[0].startswith(("[", "("))):
         return replace(dialect, names=upper or (), units=cells)
-    damage = _damage(lines, dialect)
-    if damage:
+    if damage := _damage(lines, dialect):
         raise RecordingError(
             f"{path}, line {number}{damage}; if this line is no sample, put # before it"
         )
     if cells is None:
         named = len(without_empty_end(dialect.split(text)))
-        remark = (
-            f"line {number} has {named} names for {dialect.columns} columns: names not used, "
-            "columns are numbered"
-        )
+        remark = f"line {number} has {named} names for {dialect.columns} columns"
+        remark += ": names not used, columns are numbered"
         return dialect if named < 2 or _is_metadata(text) else replace(dialect, remark=remark)
     told = dialect.columns > 1 or not (_is_metadata(text) or len(text) > LONGEST_QUOTE)
     row = dialect.numbers(cells) and not _count_up(cells[1:])
@@ -462,10 +467,9 @@ def _stands_below_names(lines: Sequence[Line], cells: Sequence[str], dialect: Di
     if len(lines) < 2 or _is_metadata(lines[-1][1]):
         return False
     above = dialect.split(lines[-2][1])
-    if not dialect.fits(above) or dialect.numbers(above):
-        return False
+    names = dialect.fits(above) and not dialect.numbers(above)
     # where blanks separate, the words of two sentences may be as many as the columns
-    return dialect.separator != " " or any(character.isdigit() for character in cells[0])
+    return names and (dialect.separator != " " or any(map(str.isdigit, cells[0])))
 
 
 def _is_metadata(text: str) -> bool:
@@ -484,25 +488,15 @@ def is_number(field: str, decimal: str) -> bool:
     return _NUMBER[decimal].fullmatch(field) is not None
 
 
-def to_number(field: str, decimal: str) -> float:
-    """Return the value of a field for which `is_number` holds."""
-    return float(field.replace(decimal, ".").translate(_EXPONENT_LETTERS))
-
-
 def is_missing(field: str) -> bool:
     """Tell whether the field is empty or says, in a usual way, that there is no finite value."""
-    return not field or field.lower() in MISSING or _is_spreadsheet_error(field)
-
-
-def _is_spreadsheet_error(text: str) -> bool:
-    """Tell whether the text begins with an error value of a spreadsheet, such as ``#N/A``."""
-    return _SPREADSHEET_ERROR.match(text.lower()) is not None
+    return not field or field.lower() in MISSING or bool(_SPREADSHEET_ERROR.match(field))
 
 
 def is_comment(line: str) -> bool:
     """Tell whether the line is a remark: it begins with ``#`` or ``%``."""
     text = line.lstrip()
-    return text.startswith(("#", "%")) and not _is_spreadsheet_error(text)
+    return text.startswith(("#", "%")) and not _SPREADSHEET_ERROR.match(text)
 
 
 def to_microseconds(field: str) -> int | None:
@@ -515,8 +509,10 @@ def to_microseconds(field: str) -> int | None:
     >>> to_microseconds("00:01:00.25"), to_microseconds("1.5")
     (60250000, None)
     """
-    if _TIME_OF_DAY.fullmatch(field):
-        field = "0001-01-01T" + "0" * (field[1] == ":") + field
+    if clock := _TIME_OF_DAY.fullmatch(field):
+        hour, rest, half = clock.groups()[1:]
+        after = int(hour) % 12 + 12 * (half in "Pp") if half else int(hour)
+        field = f"0001-01-01T{after:02}{rest}"
     if _DATE.match(field) is None:
         return None
     from datetime import datetime, timedelta  # few recordings have dates

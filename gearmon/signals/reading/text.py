@@ -311,7 +311,7 @@ def _parsed(text: bytes, dialect: Dialect) -> FloatArray | None:
             sep=separator.get(dialect.separator, dialect.separator),
             decimal=dialect.decimal,
             header=None,
-            dtype=float,
+            dtype={k: str if k in dialect.texts else float for k in range(dialect.columns)},
             na_values=_NO_VALUES,
             keep_default_na=False,
             quoting=csv.QUOTE_MINIMAL if b'"' in text else csv.QUOTE_NONE,
@@ -320,8 +320,10 @@ def _parsed(text: bytes, dialect: Dialect) -> FloatArray | None:
         )
     except (ValueError, OverflowError):  # any text that is no number
         return None
-    values: FloatArray = frame.to_numpy()
-    return values if values.shape == (_count_of(text, "\n"), dialect.columns) else None
+    if frame.shape != (_count_of(text, "\n"), dialect.columns):
+        return None
+    frame[[*dialect.texts]] = np.nan
+    return cast(FloatArray, frame.to_numpy())
 
 
 def read_rows(path: str, block: Block, dialect: Dialect, empty: int = 0) -> tuple[FloatArray, int]:
@@ -417,6 +419,8 @@ def read_table(source: Source, wanted: Wanted) -> Table:
     columns = [*dialect.described()]
     if dialect.stamp is not None:
         columns[dialect.stamp] = replace(columns[dialect.stamp], kind="time", unit="s")
+    for index in dialect.texts:
+        columns[index] = replace(columns[index], kind="other")
     return Table(
         path=source.path,
         values=values[:, :count],

@@ -72,6 +72,27 @@ def test_every_number_is_what_float_makes_of_its_text(case):
     assert np.array_equal(values, read_slowly(text.encode()))
 
 
+@pytest.mark.parametrize("place", range(4))
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+@pytest.mark.parametrize("word", ["healthy", '"worn, left"', "gear 2"])
+def test_a_column_of_words_changes_no_number_beside_it(place, mark, word):
+    names = mark.join([*"abc"[:place], "label", *"abc"[place:]])
+    rows = [[repr(own) for own in row] for row in ROWS]
+    text = "".join(mark.join([*row[:place], word, *row[place:]]) + "\n" for row in rows)
+    found = table(f"{names}\n{text}")
+    beside = [own for own in range(4) if own != place]
+    assert np.array_equal(found.values[beside].T, ROWS)
+    assert np.isnan(found.values[place]).all()
+    assert [own.kind for own in found.columns].index("other") == place
+
+
+def test_a_column_with_words_in_some_rows_is_no_column_of_words(tmp_path):
+    rows = [f"{k / 7:.3f},{'overload' if k > 5000 else k / 3:}\n" for k in range(10_000)]
+    (tmp_path / "f.csv").write_text("a,b\n" + "".join(rows))
+    with pytest.raises(RecordingError, match=r"line 2, column 2|line 5003, column 2"):
+        read_recording(tmp_path / "f.csv", 1000.0)
+
+
 @given(tables())
 def test_the_fast_and_the_careful_way_agree(case):
     text, fields, separator, decimal = case
@@ -293,6 +314,27 @@ def test_time_of_day_and_dates_become_seconds():
     assert found.values[0] == pytest.approx([0.0, 0.01, 0.02, 0.03], abs=1e-12)
     clock = table("t;a\n" + "".join(f"{stamp[11:]};1\n" for stamp in stamps))
     assert np.array_equal(clock.values[0], found.values[0])
+
+
+@pytest.mark.parametrize("day", ["11/29/2026 ", "29.11.2026 ", "4-5-2026 "])
+@pytest.mark.parametrize("hour", ["09", "12", "23"])
+def test_dates_that_may_be_read_in_two_ways_tell_the_time_of_day(day, hour):
+    half = ("AM", "PM")[int(hour) >= 12]
+    stamps = [f":59:{k // 100:02d}.{k % 100:02d}" for k in range(0, 400, 10)]
+    plain, dated, halved = (
+        table("t;a\n" + "".join(f"{front}{stamp}{behind};1\n" for stamp in stamps)).values[0]
+        for front, behind in (
+            (hour, ""), (day + hour, ""), (f"{day}{(int(hour) - 1) % 12 + 1}", " " + half)
+        )
+    )  # fmt: skip
+    assert plain == pytest.approx(0.1 * np.arange(40), abs=1e-9)
+    assert np.array_equal(plain, dated)
+    assert np.array_equal(plain, halved)
+
+
+def test_a_morning_goes_over_into_an_afternoon():
+    found = table("t;a\n11:59:59 AM;1\n12:00:00 PM;2\n12:00:01 PM;3\n1:00:00 PM;4\n")
+    assert found.values[0].tolist() == [0.0, 1.0, 2.0, 3601.0]
 
 
 def test_decimal_commas_with_exponents_under_one_name_are_one_column():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.channels import Wanted
-from gearmon.signals.reading.layout import Dialect, is_number, to_number
+from gearmon.signals.reading.layout import Dialect, is_number
 from gearmon.signals.reading.text import Block, open_source, parse_rows, read_rows, read_table
 from gearmon.signals.recording import read_recording
 
@@ -26,7 +26,7 @@ def test_one_column(fields):
     if found is not None:
         bare = [field.strip().strip('"').strip() for field in fields]
         assert all(is_number(field, ".") for field in bare)
-        assert found[:-1, 0].tolist() == [to_number(field, ".") for field in bare]
+        assert found[:-1, 0].tolist() == [ONE.value(0, field) for field in bare]
 
 
 def numbers_as_text(*, longest: int, exponents: bool) -> st.SearchStrategy[str]:
