@@ -46,6 +46,12 @@ _ANOTHER, _LEFT = 0.2, 0.85
 # Angles that are tried, a good half of a tooth apart, and the share of the teeth, the quietest,
 # that choose among them: a damaged tooth and those about it must not.
 _ANGLES, _APART, _SOUND_TEETH = 8, 0.4, 0.7
+# Mesh harmonics tell where within a tooth a faint pattern stands: the lowest that both recordings
+# show so far above noise, the share of phases that may tell nothing, one over the variance of the
+# others [rad^-2], and steps of a cycle of the highest. On a real rig they were kept within 55 deg
+# from no load to 80 % wherever the lines beside them told the angle clearly. Of 40 faint patterns
+# 39 stand within a fifth of a tooth beside a whole number with them, 25 without.
+_MESH_LINES, _MESH_HEARD, _MESH_LOST, _MESH_KEPT, _MESH_STEPS = 4, 10.0, 0.05, 4.0, 16
 # An angle is clear that leaves less than this share of what any other one does: of sound gears of
 # 24 lumped machines four in five have such a one, where two damaged teeth turned a gear wrongly the
 # first left 0.85 to 0.93 of the second. It only saves time: beside all others it is judged as well.
@@ -305,7 +311,8 @@ def turning(known: GearPattern, new: GearPattern, teeth: int, beyond: int = 0) -
         Turns. Of the angles at which the healthy pattern explains most of the new one, that which
         leaves least at most of the teeth: a damaged tooth may be louder than all else and draws the
         pattern to whichever healthy tooth departs most. Where none is clear, that at which the
-        pattern and one event leave least together.
+        pattern and one event leave least together. Where within a tooth is told by the phases of
+        the mesh harmonics as well, which the lines of a faint pattern must not overrule.
     """
     pair = _Pair(known, new, teeth, beyond)
     if not pair.bands:
@@ -343,11 +350,26 @@ class _Pair:
             if len(use) >= LEAST_LINES:
                 bands.append((use, *(own[:, use] for own in rows)))
         self.bands = bands
+        at = np.arange(teeth, len(usable), teeth)
+        one, two, error = (own[0, :, at].T for own in (known.amplitude, new.amplitude, scale))
+        heard = np.minimum(np.abs(one), np.abs(two)) > np.sqrt(_MESH_HEARD) * error
+        told = np.flatnonzero(heard.any(axis=0))[:_MESH_LINES]
+        turn = np.where(heard, np.exp(1j * np.angle(two * one.conj())), 0.0)[:, told].sum(axis=0)
+        turn /= np.maximum(1, heard[:, told].sum(axis=0))
+        # it is alike for all teeth
+        place = np.linspace(0.0, 1.0, 1 + _MESH_STEPS * (1 + int(told.max(initial=0))))
+        kept = (turn * np.exp(-2j * np.pi * np.outer(place, 1 + told))).real - 1.0
+        self.mesh = place, np.log(_MESH_LOST + np.exp(_MESH_KEPT * kept)).sum(axis=1)
+
+    def by_mesh(self, angles: FloatArray) -> FloatArray:
+        """Logarithm of how likely the phases of the mesh harmonics are, for each angle."""
+        return np.asarray(np.interp(angles * self.teeth % 1.0, *self.mesh))
 
     def left(self, angles: FloatArray) -> FloatArray:
         """Mean energy left at most of the teeth, the quietest, for each angle."""
         quietest = np.sort(self._energy(angles, 1), axis=1)
-        return np.asarray(quietest[:, : max(1, int(_SOUND_TEETH * self.teeth))].mean(axis=1))
+        energy = quietest[:, : max(1, int(_SOUND_TEETH * self.teeth))].mean(axis=1)
+        return np.asarray(energy - self.by_mesh(angles))
 
     def _energy(self, angles: FloatArray, places: int) -> FloatArray:
         """Energy left at so many places a tooth, for each angle; one gain a band is fitted."""
@@ -405,14 +427,14 @@ class _Pair:
             power = np.sum(np.abs(healthy) ** 2, axis=2)
             match /= np.maximum(power, np.finfo(float).tiny)
             left += np.sum(np.sum(np.abs(own) ** 2, axis=2) - match, axis=1)
-        return left
+        return left - self.by_mesh(angles)
 
     def likely_angles(self) -> FloatArray:
         """Angles [turns] at which the healthy pattern explains most of the new one, best first."""
         # eight steps per cycle of the highest line: the best angle is met within 3 per cent of
         # power
         steps = 1 << int(np.ceil(np.log2(8 * (self.new.top + 1))))
-        explained = np.zeros(steps)
+        explained = self.by_mesh(np.arange(steps) / steps)
         for band, old, value, _ in self.bands:
             product = np.zeros((len(old), steps), dtype=complex)
             product[:, band] = old.conj() * value
@@ -423,7 +445,7 @@ class _Pair:
         for _ in range(_ANGLES):
             best = int(np.argmax(explained))
             angles.append(best / steps)
-            explained[np.arange(best - apart, best + apart + 1) % steps] = -1.0
+            explained[np.arange(best - apart, best + apart + 1) % steps] = -np.inf
         return np.array(angles)
 
 
