@@ -19,7 +19,7 @@ References
 ----------
 J. Lin and R. G. Parker, J. Vib. Acoust. 121 (1999) 316 (planetary set, carried over to the fixed
 frame); R. G. Parker and J. Lin, J. Mech. Des. 126 (2004) 68 (phases); M. I. Friswell, J. E. T.
-Penny, S. D. Garvey and A. W. Lees, Dynamics of Rotating Machines, 2010 (beams, geared shafts, ball
+Penny, S. D. Garvey and A. W. Lees, Dynamics of Rotating Machines, 2010 (beams, geared shafts,
 bearings); G. R. Cowper, J. Appl. Mech. 33 (1966) 335 (shear of round sections).
 """
 
@@ -61,6 +61,9 @@ from gearmon.machine import (
 #: Stiffness of a ball bearing over (balls^2 ball_diameter load cos^5(contact angle))^(1/3), by
 #: Hertz (Friswell et al., section 5.5.1) [N^(2/3) m^(-4/3)].
 BALL_BEARING = 13e6
+#: That of a roller bearing over rollers^0.9 roller_length^0.8 load^0.1 cos^1.9(contact angle), in
+#: the same place [N^0.9 m^-1.8].
+ROLLER_BEARING = 1e9
 #: Pieces at least into which a shaft with mass is cut, and k l (wave number times length of a
 #: piece) up to which they tell bending and twist: frequencies are then 0.5 and 1 % too high.
 PIECES = 12
@@ -91,7 +94,8 @@ def drive_train(
     ----------
     machine : Machine
         What it says nothing of is taken as said in `notes`: a shaft without section twists between
-        its gears, a bearing without stiffness is rigid.
+        its gears, a bearing without stiffness is rigid; one that tells its rolling elements yields
+        by Hertz under planets and shafts with sections.
     point : OperatingPoint, optional
         Its torque loads the teeth and the ball bearings; by default the machine's first.
     form : str
@@ -113,24 +117,6 @@ def drive_train(
         shafts=made.torques,
         notes=tuple(dict.fromkeys(made.notes)),
     )
-
-
-def of_told_bearings(machine: Machine) -> Machine:
-    """Return a machine whose bearings are rigid where they tell only their balls.
-
-    Parameters
-    ----------
-    machine : Machine
-        The machine.
-
-    Notes
-    -----
-    The path to the sensors has their softness; and by Hertz, with no damper told, a sound simulated
-    pair at half load swung at 1.5 times its mesh. Those of shafts with sections stay as they are.
-    """
-    modelled = {section.shaft for section in machine.sections}
-    told = [b for b in machine.bearings if b.shaft in modelled or b.stiffness_n_per_m is not None]
-    return replace(machine, bearings=tuple(told))
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,6 +270,9 @@ class _Assembly:
         number, bearings, bends = line.number, line.bearings, line.bends
         meshing = [self.forces[i] for i, _ in self.gears(number) if len(self.pairs[i]) == 1]
         load = sum(abs(force) for force in meshing if force) / max(1, len(bearings))
+        # without sections the path to the sensors has their softness; and by Hertz, with no damper
+        # told, a sound simulated pair at half load swung at 1.5 times its mesh
+        load *= any(own.shaft == number for own in self.machine.sections)
         springs = [(at, own, self.bearing_stiffness(own, load)) for at, own in bearings]
         stiff = [at for at, _, stiffness in springs if stiffness is None]
         if bends and not bearings:
@@ -315,8 +304,11 @@ class _Assembly:
             return None
         cosine = math.cos(math.radians(bearing.contact_angle_deg))
         root = bearing.balls**2 * 1e-3 * bearing.ball_diameter_mm * load_n * cosine**5
-        found = BALL_BEARING * float(np.cbrt(root))
-        source = f"a ball bearing's by Hertz at {load_n:.4g} N"
+        kind, found = "ball", BALL_BEARING * float(np.cbrt(root))
+        if bearing.roller_length_mm:
+            lines = bearing.balls**0.9 * (1e-3 * bearing.roller_length_mm) ** 0.8
+            kind, found = "roller", ROLLER_BEARING * lines * load_n**0.1 * cosine**1.9
+        source = f"a {kind} bearing's by Hertz at {load_n:.4g} N"
         self.notes.append(f"bearing {bearing.name}: {found:.3g} N/m, {source}")
         return found
 

@@ -91,6 +91,8 @@ class Bearing:
         Rolling elements in one row; without them the bearing has a stiffness and no lines.
     ball_diameter_mm, pitch_diameter_mm : float, optional
         Diameter of a rolling element and of the circle of their centres [mm]; beside `balls`.
+    roller_length_mm : float, optional
+        Length of a roller [mm]; without it the rolling elements are taken as balls.
     contact_angle_deg : float, 0 to 90
         Contact angle [deg].
     rotating : {"inner", "outer"}, optional
@@ -113,6 +115,7 @@ class Bearing:
     balls: int | None = held(rules.Count(low=3, high=200, example="9"), None)
     ball_diameter_mm: float | None = optional(0, 500, "mm", open_low=True, example="7.94")
     pitch_diameter_mm: float | None = optional(0, 10_000, "mm", open_low=True, example="39.04")
+    roller_length_mm: float | None = optional(0, 500, "mm", open_low=True)
     contact_angle_deg: float = within(0, 90, "deg", default=0.0)
     rotating: str = held(rules.Choice(options=("inner", "outer")), "")
     stiffness_n_per_m: float | None = held(stages.STIFFNESS, None)
@@ -128,11 +131,12 @@ class Bearing:
         if self.planet_stage is not None and self.position_mm is not None:
             raise FieldError("position_mm", "is for bearings of a shaft", self.position_mm)
         missing = [name for name in BALLS if getattr(self, name) is None]
-        if missing == list(BALLS) and self.stiffness_n_per_m is not None:
+        told = self.stiffness_n_per_m is not None and self.roller_length_mm is None
+        if missing == list(BALLS) and told:
             return
         if self.balls is None or self.ball_diameter_mm is None or self.pitch_diameter_mm is None:
-            told = "is missing; give all of " + ", ".join(BALLS)
-            raise FieldError(missing[0], f"{told}, or stiffness_n_per_m and none of them")
+            needed = "is missing; give all of " + ", ".join(BALLS)
+            raise FieldError(missing[0], f"{needed}, or stiffness_n_per_m and none of them")
         pitch_mm, why = self.pitch_diameter_mm, "less than pitch_diameter_mm"
         limit(self, "ball_diameter_mm", 0, pitch_mm, "mm", why, open_high=True)
         most = math.floor(math.pi / math.asin(self.ball_diameter_mm / pitch_mm) + 1e-9)

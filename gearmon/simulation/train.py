@@ -19,7 +19,7 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_range
-from gearmon.gears.assembly import WIDTH_OVER_MODULE, drive_train, of_told_bearings
+from gearmon.gears.assembly import WIDTH_OVER_MODULE, drive_train
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.kinematics import kinematics
@@ -263,7 +263,7 @@ def build_train(
     for error in faults:
         if isinstance(error, GearError) and (error.stage, error.gear) not in gears:
             raise ArgumentError(f"error {error}: {machine.name} has no such gear")
-    train = drive_train(of_told_bearings(machine), running)
+    train = drive_train(machine, running)
     drawn = partial(_errors, faults, seed, accuracy_grade)
     sides = _meshes(machine, faults, running, load, train, pairs, drawn)
     springs, meshes = zip(*sides, strict=True)

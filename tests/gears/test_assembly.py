@@ -16,6 +16,7 @@ PAIR = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57, "module_mm": 2
         "face_width_mm": 28.0}  # fmt: skip
 SET = {"kind": "planetary", "sun_teeth": 20, "planet_teeth": 40, "ring_teeth": 100, "planets": 3,
        "module_mm": 1.5, "face_width_mm": 20.0}  # fmt: skip
+SHAFT = {"shaft": 1, "length_mm": 100.0, "diameter_mm": 20.0}
 BALLS = {"balls": 9, "ball_diameter_mm": 7.94, "pitch_diameter_mm": 39.04}
 
 
@@ -29,9 +30,27 @@ def test_a_contact_angle_softens_a_ball_bearing_across(angle):
     found = []
     for own in (0.0, angle):
         bearing = {"name": "input", "shaft": 1, "contact_angle_deg": own} | BALLS
-        train = drive_train(load_machine(operating=POINT, stage=PAIR, bearing=bearing))
+        train = drive_train(load_machine(operating=POINT, stage=PAIR, bearing=bearing, shaft=SHAFT))
         found += told(train, r"bearing input: (\S+) N/m, a ball bearing's by Hertz")
     assert found[1] / found[0] == pytest.approx(math.cos(math.radians(angle)) ** (5 / 3), rel=0.01)
+
+
+def test_a_roller_bearing_yields_as_published():
+    """ROSS's example after Friswell et al.: 8 rollers of 30 mm, 30 degrees, 500 N, 5.568e8 N/m."""
+    rollers = {"balls": 8, "ball_diameter_mm": 6.0, "pitch_diameter_mm": 40.0}
+    more = {"contact_angle_deg": 30.0, "roller_length_mm": 30.0, "name": "pin", "planet_stage": 1}
+    point = POINT | {"torque_nm": 500.0 * 3 * 0.5e-3 * 1.5 * (20 + 40) / (1 + 100 / 20)}
+    machine = load_machine(operating=point, stage=SET, bearing=more | rollers)
+    (found,) = told(drive_train(machine), r"bearing pin: (\S+) N/m, a roller bearing's by Hertz")
+    assert found == pytest.approx(5.56779444e8, rel=2e-3)
+
+
+def test_a_bearing_that_tells_only_its_balls_is_rigid_on_a_shaft_without_sections():
+    bearing = {"name": "input", "shaft": 1} | BALLS
+    told_nothing = drive_train(load_machine(operating=POINT, stage=PAIR, bearing=bearing))
+    assert "bearing input is rigid: it has no stiffness_n_per_m" in told_nothing.notes
+    modelled = drive_train(load_machine(operating=POINT, stage=PAIR, bearing=bearing, shaft=SHAFT))
+    assert len(modelled.coordinates) > len(told_nothing.coordinates)
 
 
 def test_a_planet_bearing_carries_its_part_of_the_torque_of_the_carrier():

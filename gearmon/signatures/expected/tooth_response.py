@@ -26,7 +26,7 @@ import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, GearmonError, check_positive, check_range, check_word
-from gearmon.gears.assembly import drive_train, of_told_bearings
+from gearmon.gears.assembly import drive_train
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import Stage, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
@@ -295,8 +295,7 @@ def tooth_response(machine: Machine, stage: int, gear: str, max_order: float) ->
     teeth = mesh_of_stage.wheel(gear).teeth
     stiffness, standard, share, phase = _mesh_alone(own, stage, gear, teeth)
     try:
-        # bearings that tell only their balls are rigid, as in `gearmon.simulate`
-        found = loss_response(of_told_bearings(machine), stage, gear, max_order=max_order)
+        found = loss_response(machine, stage, gear, max_order=max_order)
     except GearmonError:
         # where the file bears no baseline: no torque, no module, or teeth that would not run
         if gear in ("sun", "planet"):
@@ -396,8 +395,7 @@ def grown_lines(
     wheel = kinematics(machine).mesh(stage).wheel(gear)
     try:
         place = MeshPlace(machine, stage)
-        # bearings that tell only their balls are rigid, as in `gearmon.simulate`
-        train = drive_train(of_told_bearings(machine), place.point)
+        train = drive_train(machine, place.point)
         healthy = replace(place.alone(), train=train)
         # the same pulse, more or less of it
         half = replace(place.alone([f"crack:{stage}:{gear}:1:0.5"]), train=train)

@@ -15,10 +15,12 @@ from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, as_heard
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, BandDeviation, GearDeviation
 from gearmon.diagnosis.verdict import _sun_held
+from gearmon.gears.assembly import drive_train
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, kinematics
 from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import tooth_response, with_floating_sun
 from gearmon.signatures.measured.line_plan import line_plan
+from gearmon.simulation.train import build_train
 
 FOLDER = Path(__file__).resolve().parents[3] / "signatures"
 SUN, PLANET, RING, PLANETS, BANDS = 18, 27, 72, 3, 8
@@ -188,13 +190,25 @@ def test_lines_at_the_turn_count_where_the_response_is_louder_there():
     assert not as_heard(gear, machine(), replace(told, mesh=0 * heard)).bands
 
 
-def test_bearings_of_planets_that_tell_only_their_balls_are_rigid():
+def test_planets_yield_alike_in_what_is_expected_and_in_what_is_simulated():
+    """By Hertz, as if the stiffness were told; natural frequencies are the same."""
     train = full(18, 27, 72, 3)
     balls = {"balls": 18, "ball_diameter_mm": 8.0, "pitch_diameter_mm": 54.0}
     rolling = replace(train, bearings=(Bearing(name="pins", planet_stage=1, **balls),))
-    one, two = (tooth_response(own, 1, "sun", 60.0) for own in (train, rolling))
-    assert np.array_equal(one.lines, two.lines)
-    assert np.array_equal(one.beside, two.beside)
+    (spring, *_) = (own for own in drive_train(rolling).springs if own.part == "pins of stage 1")
+    pins = Bearing(name="pins", planet_stage=1, stiffness_n_per_m=float(spring.stiffness[0, 0]))
+    as_told = replace(train, bearings=(pins,))
+    rigid, one, two = (tooth_response(own, 1, "sun", 60.0) for own in (train, rolling, as_told))
+    assert one.lines == pytest.approx(two.lines, rel=1e-9)
+    assert one.beside == pytest.approx(two.beside, rel=1e-9)
+    assert one.lines != pytest.approx(rigid.lines, rel=1e-3)
+    modes = np.array([own.frequency_hz for own in gearmon.modes(rolling).rows])
+    built = build_train(rolling, carried_hz=1e9)
+    mean = np.array([own.mechanics.stiffness.healthy_mean_n_per_m for own in built.meshes])
+    simulated = built.system.natural_frequencies_hz(mean)
+    told = simulated[simulated > 1.0]
+    assert len(told) > 3
+    assert np.abs(modes[:, None] / told - 1.0).min(axis=0) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_small_loss_of_a_planet_is_found_on_the_final_drive_of_the_catalogue():
