@@ -177,6 +177,18 @@ def test_other_files_are_refused(tmp_path):
         read_signature(tmp_path / "b.csv")
 
 
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_table_of_something_else_is_told_by_what_is_missing(tmp_path, suffix):
+    path, table = tmp_path / f"other{suffix}", {"a": [1.0, 2.0]}
+    if suffix == ".parquet":
+        parquet = pytest.importorskip("pyarrow.parquet")
+        parquet.write_table(pytest.importorskip("pyarrow").table(table), path)
+    else:
+        path.write_text("a\n1\n2\n" if suffix == ".csv" else json.dumps(table), encoding="utf-8")
+    with pytest.raises(SignatureError, match=r"it must say format .*, and says None\)$"):
+        read_signature(path)
+
+
 def test_parquet_without_its_library_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     with pytest.raises(ArgumentError, match=r"pip install 'gearmon\[parquet\]'"):
