@@ -128,6 +128,15 @@ def test_speed_and_mesh_are_right(signature):
     assert signature.found
 
 
+@pytest.mark.parametrize("noise", [0.05, 0.2])
+def test_a_mesh_stands_above_white_noise_by_its_clearest_harmonic(noise):
+    """A Hann block of n samples leaves 6 sigma^2/n of the noise at a line, by squared amplitude."""
+    found = measure_signature(modulated(noise), MACHINE)
+    samples = RATE * found.lines.block_turns / SPEED
+    expected = 10 * np.log10(max(MESH.values()) ** 2 * samples / (6 * noise**2))
+    assert found.meshes[0].snr_db == pytest.approx(expected, abs=0.5)
+
+
 def test_ten_times_the_signal_is_twenty_decibels_more(signature):
     louder = measure_signature(modulated(factor=10.0), MACHINE)
     np.testing.assert_allclose(louder.level_db, signature.level_db + 20, atol=0.01)

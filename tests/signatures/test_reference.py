@@ -480,10 +480,7 @@ def lacking(known):
     yield "gears", replace(known, profiles=tuple(replace(p, wheels=()) for p in known.profiles))
     yield "families", of_first(family_names=("mesh 7", *first.family_names[1:]))
     yield "spectra", of_first(foreign=replace(first.foreign, grids=first.foreign.grids[::-1]))
-    yield (
-        "spectra",
-        of_first(foreign=replace(first.foreign, in_time_db=first.foreign.in_time_db[..., :0])),
-    )
+    yield "spectra", of_first(foreign=replace(first.foreign, in_time_db=empty))
     yield "lines beside", of_first(wheels=(replace(wheel, **one_beside), *more))
 
 
