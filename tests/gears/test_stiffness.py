@@ -241,6 +241,16 @@ def test_impossible_variations_are_refused():
         mesh_stiffness(flat)
 
 
+@pytest.mark.parametrize("form", ["parabolic", "rectangular"])
+def test_a_mesh_of_a_whole_overlap_is_flat_whether_its_file_says_so_or_not(form):
+    flat = replace(HELICAL, face_width_mm=math.pi * 2 / math.sin(math.radians(20)))
+    for own in (flat, replace(flat, stiffness_variation=0.0)):
+        found = mesh_stiffness(own, form=form)
+        assert found.variation == pytest.approx(0.0, abs=1e-9)
+        values = found.at(np.linspace(0.0, 1.0, 50)) / found.mean_n_per_m
+        np.testing.assert_allclose(values, 1.0, rtol=1e-9)
+
+
 def test_a_stretched_mesh_still_loses_what_its_damaged_tooth_carries():
     stage = replace(SHORT, stiffness_variation=0.4)
     healthy, hurt = mesh_stiffness(stage), mesh_stiffness(stage, [crack(3, 0.25)])
