@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from reference.hill_cases import balanced, published_pair, random_problem, scaled_problem
 from reference.hill_reference import acceleration_error, periodic_solution
 
-from gearmon.dynamics import steady_state
+from gearmon.dynamics import HillProblem, steady_state
+from gearmon.dynamics.steady_state import METHODS
 from gearmon.errors import ArgumentError
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -156,11 +157,15 @@ def test_unstable_systems_are_refused_with_their_multiplier():
     assert f"{abs(r.floquet_multipliers[0]):.6g}" in r.message
 
 
-def test_undamped_systems_have_no_steady_state():
-    r = steady_state(scaled_problem(3.3, 0.0, [0.05]))
-    assert r.stable is False
-    assert math.isinf(r.error_bound)
-    assert "undamped" in r.message
+@pytest.mark.parametrize("harmonics", [[], [0.1], [0.2, 0.1j]])
+@pytest.mark.parametrize("method", METHODS)
+def test_without_damping_no_way_finds_a_steady_state(method, harmonics):
+    undamped = steady_state(scaled_problem(3.3, 0.0, harmonics), method=method)
+    assert undamped.stable is False
+    assert math.isinf(undamped.error_bound)
+    assert "undamped" in undamped.message
+    with pytest.raises(ArgumentError, match=r"just 3 times that of the mesh, .*give damping"):
+        steady_state(HillProblem(1.0, 0.0, 9.0, harmonics, 2 * math.pi, 1.0), method=method)
 
 
 def test_constant_stiffness_stands_still():
