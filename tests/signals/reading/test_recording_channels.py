@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
@@ -310,6 +310,8 @@ def test_a_long_sentence_above_one_column_is_no_name(tmp_path, length):
     assert (found.channel_names == ("column 1",)) == (length > LONGEST_QUOTE)
 
 
+@example("a" * LONGEST_QUOTE)
+@example("a" * LONGEST_QUOTE + "b")
 @given(st.text(max_size=3 * LONGEST_QUOTE))
 def test_what_a_message_quotes_is_short_and_says_whether_it_is_all(text):
     whole = "".join(own if own.isprintable() else "?" for own in text)
