@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +14,10 @@ from gearmon.harvesting import tuning
 from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.harvesting.placement import survey_measured
 from gearmon.harvesting.tuning import built_in
+from gearmon.harvesting.vibration import vibration_of_lines
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
-from gearmon.report.plots import save_all
-from gearmon.report.survey_plots import harvest_figures
+from gearmon.report.plots import save_all, sheet
+from gearmon.report.survey_plots import _draw_energy, harvest_figures
 from gearmon.report.survey_text import harvest_lines, spoken_time
 from gearmon.signals.recording import Recording
 
@@ -110,6 +112,24 @@ def test_figures_are_those_of_the_survey_in_the_units_of_their_axes(survey):
     for ax in drawn:
         name, factor = factors[ax.get_ylabel()]
         assert ax.lines[0].get_ydata() == pytest.approx([factor * row[name] for row in rows])
+
+
+def test_the_highest_lines_of_a_crowd_are_drawn_and_a_spectrum_by_its_peaks():
+    rng = np.random.default_rng(4)
+    frequency, levels = np.sort(rng.uniform(10, 2000, 3000)), rng.lognormal(size=3000)
+    lines = vibration_of_lines(frequency, acceleration_ms2=levels)
+    bins = replace(lines, resolution_hz=0.5)
+    ax, other = sheet(4.0, 3.0).subplots(2)
+    _draw_energy(ax, lines, "black", "a")
+    tops = {tuple(own[1]) for own in ax.collections[0].get_segments()}
+    assert 0 < len(tops) < 1000
+    ranked = np.argsort(-lines.energy_j_per_kg)[: len(tops)]
+    assert tops == set(zip(frequency[ranked], lines.energy_j_per_kg[ranked], strict=True))
+    _draw_energy(other, bins, "black", "b")
+    place, height = other.lines[0].get_data()
+    owner = np.searchsorted(place, frequency, side="right") - 1
+    highest = [lines.energy_j_per_kg[owner == number].max() for number in range(len(place))]
+    np.testing.assert_array_equal(height, highest)
 
 
 def test_words_name_places_harvester_and_what_is_missing(survey):

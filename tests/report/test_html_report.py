@@ -401,3 +401,29 @@ def test_lines_of_the_charts_are_told_by_family_number_and_change(written, fault
     assert kinds == sorted(kinds, key=["mesh", "sidebands", "other"].index)
     assert lines["groups"][0] == "mesh 1"
     assert {own["group"] for own in lines["families"]} == set(lines["groups"])
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_places_where_no_mesh_was_found_are_those_at_the_nominal_speed(tmp_path, gearless):
+    path = tmp_path / "report.html"
+    write_report([gearless.analysis], [gearless.recording], None, gearless.machine, path)
+    data, _ = chart_data(path.read_text("utf-8"))
+    lines, nominal = data["lines"], gearless.analysis.signature.speed.nominal_hz
+    assert data["speed_hz"] != pytest.approx(nominal, rel=1e-3)
+    hertz = data["speed_hz"] * np.array(lines["order"])
+    assert len(hertz) > 2
+    np.testing.assert_allclose(hertz, 23.0 * nominal * np.arange(1, len(hertz) + 1))
+    assert [own["name"] for own in lines["families"]][:2] == ["GMF1 ×1", "GMF1 ×2"]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_curves_of_several_recordings_share_the_points_of_one_down_to_an_eighth(tmp_path, gearless):
+    points = {}
+    for count in (1, 2, 8, 10):
+        path = tmp_path / f"{count}.html"
+        given = [gearless.analysis] * count, [gearless.recording] * count
+        write_report(*given, None, gearless.machine, path)
+        points[count] = len(decoded(chart_data(path.read_text("utf-8"))[1]["spectrum"]["x"]))
+    assert 1000 < points[1] <= 4096
+    for count, shared in points.items():
+        assert shared == pytest.approx(points[1] / min(count, 8), rel=0.05)
