@@ -56,6 +56,17 @@ def test_map_keeps_every_line_and_is_calibrated(spectra):
     assert ax.get_xlim()[1] == pytest.approx(found.map.order[-1])
 
 
+@pytest.mark.parametrize("way", ["time", "speed"])
+def test_maps_of_several_channels_are_labelled_below_the_last(spectra, way):
+    figure, names = order_map_figure(spectra[way]), spectra[way].channel_names
+    assert len(names) == 2
+    maps = [ax for ax in figure.axes if ax.images]
+    assert [bool(ax.get_xlabel()) for ax in maps] == [False, True]
+    assert maps[1].get_xlabel().startswith("Order")
+    scales = [ax.get_ylabel() for ax in figure.axes if "amplitude" in ax.get_ylabel()]
+    assert [own.split("\n")[0] for own in scales] == list(names)
+
+
 def test_strips_of_one_unit_share_a_scale_that_holds_them_all(spectra):
     found = spectra["time"]
     quiet = found.values.copy()
