@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -161,6 +162,35 @@ def test_numbers_in_words_are_in_the_units_of_their_headings(survey):
     energy = column(lines, "energy_uj_per_kg")
     expected = [1e6 * row["energy_j_per_kg"] for row in ranked[: len(energy)]]
     assert energy == pytest.approx(expected, rel=5e-3)
+
+
+def test_numbers_in_sentences_are_those_of_the_survey_in_their_units(survey):
+    text, best, tuned = "\n".join(harvest_lines(survey)), survey.best, survey.tuned
+    supply, degraded, budget = best.supply, best.tuned_degraded, survey.budget
+    travel_m = max(own.travel_m for own in tuned.answers)
+    passed = [supply[f"{name}_w"] for name in ("harvested", "rectified", "regulated", "constant")]
+    known = {
+        "travel # mm and # mm of its own": [1e3 * travel_m, 1e3 * tuned.static_travel_m],
+        "(# % of the clearance), stress": [100 * tuned.travel_share],
+        "with that of its weight # % of what is safe": [100 * tuned.stress_share],
+        "# uW on the recordings that it": [1e6 * tuned.power_w],
+        "tuned to, # to expect": [1e6 * best.power_unseen_w],
+        "best once damaged: # Hz, # uW then": [
+            degraded.harvester.natural_frequency_hz,
+            1e6 * degraded.power_w,
+        ],
+        "and # uW while sound": [1e6 * best.degraded_best_power_when_healthy_w],
+        "tuning above gives # uW": [1e6 * best.degraded_power_w],
+        "of # uW, # pass the rectifier and # the converter; # are taken": [
+            1e6 * own for own in passed
+        ],
+        "(# s at # Hz and # bit": [budget.duration_s, budget.sampling_rate_hz, budget.bits],
+        "bit, # mJ to make": [1e3 * budget.energy_j],
+    }
+    for sentence, expected in known.items():
+        found = re.search(re.escape(sentence).replace(r"\#", r"([\d.eE+-]+)"), text)
+        assert found, sentence
+        assert [float(own) for own in found.groups()] == pytest.approx(expected, rel=6e-3)
 
 
 def test_times_are_in_the_unit_that_suits_them():

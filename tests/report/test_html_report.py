@@ -88,6 +88,20 @@ def test_the_verdict_comes_first_in_words_and_colour(written):
     assert "#A63D00" in written[1]
 
 
+def test_the_settings_are_those_of_machine_and_analysis(written, faulty):
+    text = " ".join(" ".join(Page(written[1]).text).split())
+    signature, speed = faulty.analysis.signature, faulty.analysis.signature.speed
+    assert "Operating points 1200 rpm, 100 N·m " in text
+    assert f"Length {signature.duration_s:.4g} s at 4096 Hz " in text
+    assert "Channels front (m/s²), rear (" in text
+    assert f"Reference {'; '.join(faulty.reference.origins)} " in text
+    blocks, lines = signature.lines.amplitude.shape[::2]
+    assert f"{blocks} half-overlapped Hann blocks" in text
+    assert f"{lines} lines in {len(signature.plan.families)} families" in text
+    (mesh,) = signature.meshes
+    assert f"1 {23 * speed.estimated_hz:.3f} yes {mesh.snr_db:.1f} {mesh.score:.1f} " in text
+
+
 def test_names_are_escaped(written):
     assert "<gearbox>" not in written[1]
     assert "bench &lt;gearbox&gt; &amp; co" in written[1]
