@@ -11,8 +11,9 @@ import pytest
 from scipy.signal import lfilter
 
 from gearmon.errors import ArgumentError, GearmonError
+from gearmon.harvesting import response, tuning
 from gearmon.harvesting.harvester import InertialHarvester
-from gearmon.harvesting.placement import survey_expected, survey_measured
+from gearmon.harvesting.placement import _judged, survey_expected, survey_measured
 from gearmon.harvesting.response import (
     SensorBudget,
     between,
@@ -140,6 +141,37 @@ def test_interval_holds_the_true_mean_nine_times_in_ten(count, memory, detuning,
         low, high = interval_90(scatter_of_mean(power_of_a_line(rng, count, memory, detuning)))
         hits.append(low <= truth <= high)
     assert 0.86 <= np.mean(hits) <= 0.94
+
+
+def test_every_stretch_is_judged_by_the_tuning_that_did_not_know_it(monkeypatch):
+    survey = survey_measured(machine(), narrow(), [recording([1.0], noise=0.5)])
+    (place,), known = survey.placed, []
+    tuned_among, original = tuning.tuned_among, evaluate
+
+    def tuned(own, duty, places_hz):
+        known.append({id(point.vibration) for point in duty})
+        return tuned_among(own, duty, places_hz)
+
+    def numbered(one, points):
+        """Steps that tell in what place they are, and by which tuning."""
+        found = original(one, points)
+        steps = (np.arange(len(a.power_steps_w)) + 1e6 * len(known) for a in found.answers)
+        answers = [
+            replace(a, power_steps_w=own) for a, own in zip(found.answers, steps, strict=True)
+        ]
+        return replace(found, answers=tuple(answers))
+
+    monkeypatch.setattr(tuning, "tuned_among", tuned)
+    monkeypatch.setattr(response, "evaluate", numbered)
+    folds = place.position.folds
+    _, (steps,) = _judged(narrow(), place.tuned, place.position)
+    count = len(place.tuned.answers[0].power_steps_w)
+    parts = np.array_split(np.arange(count), len(folds))
+    expected = np.concatenate([part + 1e6 * n for n, part in enumerate(parts, start=1)])
+    np.testing.assert_array_equal(steps, expected)
+    for heard, own in zip(known, folds, strict=True):
+        others = {id(p.vibration) for fold in folds if fold is not own for p in fold}
+        assert heard == others != set()
 
 
 def test_shares_that_are_not_known_widen_the_interval():
