@@ -301,6 +301,16 @@ def test_best_for_the_damaged_gear_is_told():
     json.dumps(values, allow_nan=False)
 
 
+def test_power_on_recordings_is_told_of_recordings_alone():
+    of_lines = survey_expected(machine(), narrow()).best.to_dict()
+    of_recordings = survey_measured(machine(), narrow(), [recording([1.0])]).best
+    assert of_lines["power_on_recordings_w"] is None
+    assert of_lines["power_w"] > 0
+    told = of_recordings.to_dict()
+    assert told["power_on_recordings_w"] == of_recordings.tuned.power_w
+    assert told["power_w"] == of_recordings.power_unseen_w != of_recordings.tuned.power_w
+
+
 def test_too_loud_a_mesh_names_the_path_gain_that_would_be_within():
     tight = replace(narrow(), clearance_m=1e-9)
     with pytest.raises(ArgumentError, match=r"path gain of .* would be within") as caught:
