@@ -68,6 +68,16 @@ def test_any_number_survives(tmp_path, numbers, suffix):
     same(read_signature(tmp_path / f"s{suffix}"), written)
 
 
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_suffix_in_capitals_means_the_same(tmp_path, suffix):
+    path, plain = tmp_path / f"s{suffix.upper()}", tmp_path / f"t{suffix}"
+    for own in (path, plain):
+        write_signature(signature(), own)
+        same(read_signature(own), signature())
+    if suffix != ".parquet":
+        assert path.read_bytes() == plain.read_bytes()
+
+
 def test_csv_is_commented_header_and_rows(tmp_path):
     write_signature(signature(2), tmp_path / "s.csv")
     lines = (tmp_path / "s.csv").read_text(encoding="utf-8").splitlines()
