@@ -366,6 +366,21 @@ def test_wear_lowers_all_pairs_alike():
     assert mesh_stiffness(PAPER, both).mean_n_per_m == pytest.approx(0.72 * healthy.mean_n_per_m)
 
 
+@pytest.mark.parametrize("form", ["parabolic", "rectangular", "wave"])
+@pytest.mark.parametrize("worn", [("pinion",), ("gear",), ("pinion", "gear")])
+def test_worn_flanks_take_from_any_curve_what_they_take_from_the_teeth(worn, form):
+    """Where one pair carries alone; elsewhere each form shares the load in its own way."""
+    stage = replace(PAPER, contact_ratio=None)
+    faults = [parse_fault(f"wear:1:{gear}:all:0.1mm") for gear in worn]
+    left = []
+    for own in (form, "potential-energy"):
+        new, old = mesh_stiffness(stage, form=own), mesh_stiffness(stage, faults, own)
+        x = np.linspace(new.contact_ratio % 1 + 0.01, 0.99, 9)
+        left.append(old.at(x) / new.at(x))
+        assert old.mean_n_per_m < new.mean_n_per_m
+    np.testing.assert_allclose(1 - left[0], 1 - left[1], rtol=0.02)
+
+
 def test_all_teeth_damaged_alike_is_wear():
     many = [crack(tooth, 0.1) for tooth in range(1, 27)]
     hurt = mesh_stiffness(PAPER, many)
