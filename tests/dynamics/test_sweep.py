@@ -155,6 +155,21 @@ def test_unstable_and_undamped_sets_are_refused_with_the_number(times):
         found.response(0)
 
 
+@pytest.mark.parametrize(
+    "changes", [{"damping": 1e16}, {"damping": 1e200}, {"mass": 1e-30}, {"mass": 1e30}]
+)
+def test_a_set_that_no_pair_can_have_is_refused_among_many_as_by_itself(changes):
+    known = {"mass": np.full(20, 0.28), "damping": np.full(20, 9e3), "scale": np.ones(20)}
+    for name, value in changes.items():
+        known[name][7] = value
+    found = sweep(known["mass"], known["damping"], 8e8, SQUARE, 1.6e-3, 4e3, scale=known["scale"])
+    assert np.delete(found.met, 7).all()
+    assert not found.met[7]
+    with pytest.raises(ArgumentError) as alone:
+        steady_state(found.problem(7))
+    assert found.reason[7] == str(alone.value)
+
+
 @pytest.mark.parametrize("largest", [0.5, 0.9])
 def test_strong_variation_falls_back_and_stays_right(largest):
     rng = np.random.default_rng(1)
