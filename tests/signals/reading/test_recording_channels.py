@@ -319,3 +319,35 @@ def test_what_a_message_quotes_is_short_and_says_whether_it_is_all(text):
     assert len(shown) <= LONGEST_QUOTE
     assert shown == whole if len(text) <= LONGEST_QUOTE else shown.endswith("...")
     assert whole.startswith(shown.removesuffix("..."))
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize(
+    ("head", "named"),
+    [
+        (["a1", "a2", "a3"], ("a1", "a2", "a3")),
+        (["a1", "a2", ""], ("a1", "a2", "column 3")),
+        (["a1", "", ""], ("a1", "column 2", "column 3")),
+        (["a1", "", "a3"], ("a1", "column 2", "a3")),
+        (["a1", "a2", "a3", "Comment"], ("a1", "a2", "a3")),
+    ],
+)
+def test_names_stand_above_their_columns_even_if_some_are_empty(tmp_path, head, named, separator):
+    path, rows = tmp_path / "a.csv", np.random.default_rng(7).normal(size=(99, 3))
+    lines = [separator.join(head), *(separator.join(map(str, row)) for row in rows)]
+    path.write_text("\n".join(lines) + "\n")
+    found = read_recording(path, 5000.0)
+    assert found.channel_names == named
+    np.testing.assert_array_equal(found.samples, rows.T)
+
+
+@pytest.mark.parametrize("count", [49, 50])
+def test_fifty_rows_without_a_nought_are_two_columns_of_whole_numbers(tmp_path, count):
+    """Of so many decimals one in ten would begin with it."""
+    path, rows = tmp_path / "a.csv", np.random.default_rng(7).integers(10, 100, (count, 2))
+    path.write_text("".join(f"{one},{other}\n" for one, other in rows))
+    if count < 50:
+        with pytest.raises(RecordingError, match="may be one column with decimal commas or two"):
+            read_recording(path, 5000.0)
+    else:
+        np.testing.assert_array_equal(read_recording(path, 5000.0).samples, rows.T)
