@@ -238,6 +238,16 @@ def test_the_charts_hold_what_was_measured_and_the_range_of_the_healthy(written,
             assert low[at] == pytest.approx(min(healthy), rel=1e-6)
             assert high[at] == pytest.approx(max(healthy), rel=1e-6)
             assert low[at] < high[at]
+        # wherever a healthy recording tells, the first line as any other
+        tells = {
+            round(float(own), 6)
+            for profile in reference.profiles
+            for wheel in profile.wheels
+            for own in wheel.number * wheel.order
+        }
+        ranged = [round(own, 6) in tells for own in lines["order"]]
+        assert np.isfinite(low).tolist() == np.isfinite(high).tolist() == ranged
+        assert ranged[0]
 
 
 @pytest.mark.usefixtures("undrawn")

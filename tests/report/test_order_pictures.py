@@ -67,6 +67,25 @@ def test_maps_of_several_channels_are_labelled_below_the_last(spectra, way):
     assert [own.split("\n")[0] for own in scales] == list(names)
 
 
+def test_a_line_of_a_map_is_drawn_at_its_order(spectra):
+    """In more bins than there are columns: a column shows the highest of its own."""
+    found, count = spectra["time"], 3002
+    order, rows = np.arange(count) * found.map.order[1], len(found.map.amplitude)
+    lines = np.linspace(2, count - 1, rows).astype(int)
+    amplitude = np.full((*found.map.amplitude.shape[:2], count), 1e-3)
+    amplitude[np.arange(rows), :, lines] = 1.0
+    own = replace(found.map, amplitude=amplitude, order=order)
+    image = order_map_figure(replace(found, map=own)).axes[0].images[0]
+    drawn, (low, high, *_) = image.get_array(), image.get_extent()
+    bins = (count - 2) / drawn.shape[1]
+    assert bins > 2
+    row, column = np.nonzero(drawn == 1.0)
+    assert row.tolist() == list(range(rows))
+    place = (order[lines] - low) / (high - low) * drawn.shape[1] - column
+    assert place.min() >= -1 / bins
+    assert place.max() <= 1 + 1 / bins
+
+
 def test_strips_of_one_unit_share_a_scale_that_holds_them_all(spectra):
     found = spectra["time"]
     quiet = found.values.copy()
