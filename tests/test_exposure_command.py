@@ -86,6 +86,17 @@ def test_everything_of_a_day_in_one_call(farm, tmp_path, capsys, monkeypatch, fi
             assert picture.size[0] > 600
     report = (tmp_path / "out.html").read_text()
     assert report.count("data:image/png") == 2
+    # numbers to the right, below their headings
+    for body in re.findall("<table>(.*?)</table>", report, re.S):
+        heads, *rows = re.findall("<tr>(.*?)</tr>", body, re.S)
+        right = [own == ' class="r"' for own in re.findall("<th([^>]*)>", heads)]
+        assert rows
+        assert any(right)
+        assert not right[0]
+        for row in rows:
+            cells = re.findall("<td([^>]*)>([^<]*)", row)
+            numbers = [re.fullmatch(r"[\d.e+-]+", text) is not None for _, text in cells]
+            assert [own == ' class="r"' for own, _ in cells] == numbers == right
     assert all(own in report for own in ("SEAT factor", "ploughing", "above the action value"))
 
 

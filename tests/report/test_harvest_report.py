@@ -95,6 +95,11 @@ def test_figures_are_those_of_the_survey_in_the_units_of_their_axes(survey):
     assert best.get_ydata()[0] == pytest.approx(1e6 * survey.best.tuned.power_w)
     energy, beside = figures["-energy"].axes
     assert energy.get_ylabel() == "energy of a line in J/kg, (2πfA)²/2"
+    (left, right), (bottom, top) = energy.get_xlim(), energy.get_ylim()
+    lowest, highest = survey.tuned.harvester.frequency_range_hz
+    assert left < min(lowest, 300.0) / 1.2
+    assert right > 1.2 * max(highest, 300.0)
+    assert bottom < max(row["energy_j_per_kg"] for row in survey.lines()) < top
     assert beside.get_ylabel() == "harvester: µW per (m/s²)² (dashed)"
     frequency, gain = beside.lines[0].get_data()
     (name,) = (text.get_text() for text in energy.get_legend().get_texts())

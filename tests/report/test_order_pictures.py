@@ -157,6 +157,18 @@ def test_indicators_say_what_is_dashed():
         assert dashed == moment, name
 
 
+@pytest.mark.parametrize("count", [1, 4, 5, 8, 9])
+def test_panels_of_indicators_fill_every_row_but_the_last(count):
+    table = indicator_table(recording(), machine())
+    kinds = list(dict.fromkeys((row.indicator, row.input.split(",")[0]) for row in table.rows))
+    kept = [r for r in table.rows if (r.indicator, r.input.split(",")[0]) in kinds[:count]]
+    figure = indicator_figure(replace(table, rows=tuple(kept)))
+    assert len(figure.axes) == count
+    grid = figure.axes[0].get_gridspec()
+    assert grid.ncols == 4
+    assert grid.nrows == math.ceil(count / 4)
+
+
 def test_every_indicator_of_the_table_is_defined():
     names = {row.indicator.lower() for row in indicator_table(recording(), machine()).rows}
     assert names <= set(words()["indicators"])
