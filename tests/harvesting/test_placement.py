@@ -194,6 +194,18 @@ def test_blocks_of_operation_are_a_sample_of_it():
     assert 0.86 <= np.mean(hits) <= 0.94
 
 
+@pytest.mark.parametrize("shares", [(), (0.6, 0.1, 0.1, 0.1, 0.1)])
+def test_shares_that_are_told_weigh_the_power_however_many_recordings_there_are(shares):
+    """Without them recordings are a sample, and count alike."""
+    amplitudes = (0.5, 1.0, 1.5, 2.0, 2.5)
+    given = [recording([own], n, seconds=3.0, noise=0.01) for n, own in enumerate(amplitudes)]
+    best = survey_measured(machine(), narrow(), given, shares=shares).best
+    assert best.position.sampled == (not shares)
+    weights = shares or [0.2] * 5
+    mean = sum(share * own**2 for share, own in zip(weights, amplitudes, strict=True))
+    assert best.power_w == pytest.approx(mean * narrow().power_bound_w(), rel=0.02)
+
+
 def test_too_few_stretches_are_said():
     t = np.arange(int(12 * RATE)) / RATE
     row = (1 + 0.5 * np.sin(2 * np.pi * t / 9.0)) * np.cos(2 * np.pi * 300.0 * t)
