@@ -114,6 +114,19 @@ def test_meetings_are_drawn_on_the_harmonics_that_make_them():
     assert marks == {(own.speed_rpm, own.frequency_hz) for own in found.campbell}
 
 
+def test_marks_of_meetings_are_larger_the_more_a_mesh_drives_its_mode():
+    """Empty and smallest where the forces of the planets cancel."""
+    from gearmon.report.expected_plots import campbell_figure
+
+    found = gearmon.modes(planetary(4))
+    marks = [line for line in campbell_figure(found).axes[0].lines if line.get_marker() == "o"]
+    assert len({own.drives for own in found.campbell}) == 2
+    for line, own in zip(marks, found.campbell, strict=True):
+        driven = math.sqrt(own.mesh_share) * own.in_phase if own.drives else 0.0
+        assert line.get_markersize() == pytest.approx(2.5 + 6 * driven)
+        assert (line.get_markerfacecolor() == "white") == (not own.drives)
+
+
 def test_the_headline_tells_of_the_meeting_nearest_to_an_operating_speed():
     found = gearmon.modes({"operating": POINT, "stage": [PAIR]})
     first = next(own for own in found.campbell if own.drives)

@@ -231,3 +231,15 @@ def test_the_message_tells_of_lost_contact_wherever_there_is_some():
                 assert found.contact_lost == ("teeth lose contact" in found.message)
                 told.append(found.contact_lost)
     assert 5 < sum(told) < len(told) - 5
+
+
+@pytest.mark.parametrize("method", ["auto", "harmonic balance"])
+@pytest.mark.parametrize("ratio", [8.0, 20.0])
+@pytest.mark.parametrize("size", [0.2, 0.6, 1.0])
+def test_teeth_that_a_slow_force_parts_are_told_though_hardly_anything_swings(size, ratio, method):
+    """Far below resonance the mesh carries the forces as they come: F + 2 f cos(w t)."""
+    p = scaled_problem(ratio, 0.1, [0.01])
+    p = replace(p, force_harmonics_n=[size * p.force_n])
+    found = steady_state(p, method=method)
+    assert found.mesh_force_margin == pytest.approx(1 - 2 * size, abs=0.05)
+    assert ("teeth lose contact" in found.message) == found.contact_lost == (size > 0.5)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.report.html import Failure, write_report
+from gearmon.report.html import Failure, _Charts, write_report
 from gearmon.report.text import indicator_definitions
 from gearmon.signatures.tracking import SPEED_REACH
 
@@ -451,3 +451,13 @@ def test_curves_of_several_recordings_share_the_points_of_one_down_to_an_eighth(
     assert 1000 < points[1] <= 4096
     for count, shared in points.items():
         assert shared == pytest.approx(points[1] / min(count, 8), rel=0.05)
+
+
+def test_a_silent_channel_has_a_place_on_a_scale_of_logarithms(healthy):
+    charts = _Charts(healthy.analysis, None, None, healthy.machine, 500)
+    values = np.array([np.linspace(0.0, 2.0, 400), np.zeros(400)])
+    chart = charts._spectrum("spectrum", "Hz", 1.0, np.arange(400.0), values)
+    loud, silent = (decoded(curve["values"]) for curve in chart["curves"])
+    assert (silent > 0).all()
+    assert silent.max() <= 1e-6 * loud.max()
+    assert (loud > 0).all()

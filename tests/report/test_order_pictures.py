@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from reference.small_gearbox import machine, recording
 
+from gearmon.report.curves import mark_label
 from gearmon.report.recording_plots import (
     average_figure,
     indicator_figure,
@@ -98,6 +99,15 @@ def test_strips_of_one_unit_share_a_scale_that_holds_them_all(spectra):
     # a channel of another unit has a scale of its own
     other = replace(alike, units=("g", *found.units[1:]))
     assert len({ax.get_ylim() for ax in order_figure(other).axes}) > 1
+
+
+def test_every_mesh_harmonic_of_a_spectrum_is_marked_up_to_its_end(spectra):
+    found = spectra["time"]
+    ax = order_figure(found).axes[0]
+    named = [mark_label(mark) for mark in found.marks if mark.kind == "mesh"]
+    assert len(named) >= 3
+    assert found.marks[-1].place > 0.7 * found.place[-1]
+    assert set(named) <= {text.get_text() for text in ax.texts}
 
 
 def test_speeds_never_driven_are_grey_and_said_so(spectra):
