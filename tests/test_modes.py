@@ -469,3 +469,16 @@ def test_a_campbell_table_without_meetings_keeps_its_header(tmp_path, monkeypatc
     assert "meets" not in capsys.readouterr().out
     (header,) = (tmp_path / "slow-campbell.csv").read_text().splitlines()
     assert header == "speed_rpm,mode,frequency_hz,stage,harmonic,mesh_share,in_phase"
+
+
+def test_modes_of_an_operating_point_are_those_of_a_machine_with_that_one_alone():
+    """Ball bearings are the stiffer the more they carry."""
+    balls = {"balls": 9, "ball_diameter_mm": 12.0, "pitch_diameter_mm": 58.0}
+    held = [{"name": name, "shaft": 1} | balls for name in ("a", "b")]
+    points = [{"speed_rpm": 1500.0, "torque_nm": own, "share": 0.5} for own in (10.0, 400.0)]
+    rest = {"stage": PAIR, "bearing": held}
+    both = [gearmon.modes({"operating": points} | rest, operating=n) for n in (0, 1)]
+    for found, point in zip(both, points, strict=True):
+        alone = gearmon.modes({"operating": point | {"share": 1.0}} | rest)
+        np.testing.assert_array_equal(found.frequencies_hz, alone.frequencies_hz)
+    assert both[1].frequencies_hz[-1] != pytest.approx(both[0].frequencies_hz[-1], rel=1e-3)
