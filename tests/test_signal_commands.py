@@ -168,7 +168,7 @@ def test_orders_on_the_screen_and_as_json_files(place, capsys):
         assert own["rows"]
 
 
-@pytest.mark.parametrize("command", ["orders", "spectrum", "indicators"])
+@pytest.mark.parametrize("command", ["orders", "spectrum"])
 def test_a_name_of_a_picture_is_that_of_no_table(place, tmp_path, capsys, command):
     out = tmp_path / "p.png"
     assert run(place, command, "--machine", place / "machine.toml", "-o", out, "--json") == 0
