@@ -250,6 +250,8 @@ def test_the_worst_recording_is_told_first_and_files_of_the_report_are_counted(
     given = [*analyse("new.csv", "cracked.csv"), "--reference", "healthy.ref"]
     code, out, _ = run(*given, "--report", tmp_path / "report.html")
     assert code == 1
+    # what all of them say together is above
+    assert out.startswith("FAULT (2 recordings: 1 fault, 1 healthy)")
     assert out.index("cracked.csv: FAULT") < out.index("new.csv: HEALTHY")
     pictures = len(list(tmp_path.rglob("*.png")))
     assert f"report: {tmp_path / 'report.html'} and {pictures} pictures" in out.splitlines()
@@ -440,8 +442,8 @@ def test_bad_recordings_get_one_line(run, kind):
 
 
 BAD_REFERENCES = {
-    "missing": ("missing.ref", r"missing\.ref"),
-    "a folder": ("folder", "folder"),
+    "missing": ("missing.ref", r"missing\.ref: no such file; make one with gearmon learn"),
+    "a folder": ("folder", "folder: is a folder, no gearmon reference"),
     "a letter": ("letter.txt", r"letter\.txt"),
     "noise": ("noise.csv", "no mesh found"),
     "a machine file": ("machine.toml", r"machine\.toml"),

@@ -16,6 +16,7 @@ from PIL import Image
 from gearmon.cli import main, parsed
 from gearmon.demos import farm as demo
 from gearmon.demos import run_demo
+from gearmon.errors import ArgumentError
 from gearmon.exposure import day, gearbox, measures
 from gearmon.report import exposure_lines
 
@@ -85,6 +86,17 @@ def test_everything_of_a_day_in_one_call(farm, tmp_path, capsys, monkeypatch, fi
             assert picture.size[0] > 600
     report = (tmp_path / "out.html").read_text()
     assert report.count("data:image/png") == 2
+    # numbers to the right, below their headings
+    for body in re.findall("<table>(.*?)</table>", report, re.S):
+        heads, *rows = re.findall("<tr>(.*?)</tr>", body, re.S)
+        right = [own == ' class="r"' for own in re.findall("<th([^>]*)>", heads)]
+        assert rows
+        assert any(right)
+        assert not right[0]
+        for row in rows:
+            cells = re.findall("<td([^>]*)>([^<]*)", row)
+            numbers = [re.fullmatch(r"[\d.e+-]+", text) is not None for _, text in cells]
+            assert [own == ' class="r"' for own, _ in cells] == numbers == right
     assert all(own in report for own in ("SEAT factor", "ploughing", "above the action value"))
 
 
@@ -151,6 +163,49 @@ def test_a_bad_recording_does_not_stop_the_others(farm, capsys, monkeypatch):
     assert "error" in entries[0]
     assert entries[1]["value_ms2"] > 0
     assert err.count("\n") == 1
+
+
+def test_several_recordings_stand_in_one_table_and_have_a_picture_each(
+    farm, tmp_path, capsys, monkeypatch
+):
+    words = ["seat.csv", "floor.csv", "-o", tmp_path / "out.csv", "--json"]
+    code, out, _ = run(capsys, monkeypatch, farm, *words)
+    assert code == 0
+    seat, floor = json.loads(out)["recordings"]
+    rows = pd.read_csv(tmp_path / "out.csv")
+    assert list(rows["axis"]) == 2 * ["x", "y", "z"]
+    told = [axis["rms_ms2"] for own in (seat, floor) for axis in own["axes"]]
+    assert list(rows["rms_ms2"]) == pytest.approx(told, rel=1e-5)
+    assert seat["value_ms2"] == pytest.approx(0.7 * floor["value_ms2"], rel=1e-3)
+    pictures = [(tmp_path / name).read_bytes() for name in ("out.png", "out-2.png")]
+    assert pictures[0] != pictures[1]
+
+
+def test_the_gearbox_is_looked_for_in_what_was_weighed(farm, tmp_path, capsys, monkeypatch):
+    """Of channels and sensitivities as the machine file and --axes tell."""
+    sensors = "".join(
+        f"[[sensor]]\ncolumn = 'v{axis}'\nunit = 'm/s2'\nsensitivity = 0.02\n" for axis in "xyz"
+    )
+    stage = "[[stage]]\nkind = 'parallel'\npinion_teeth = 23\ngear_teeth = 57\n"
+    (tmp_path / "m.toml").write_text(f"name = 'm'\n[operating]\nspeed_rpm = 300\n{stage}{sensors}")
+    volts = pd.read_csv(farm / "seat.csv")
+    volts.columns = ["time [s]", "vx", "vy", "vz"]
+    volts.to_csv(tmp_path / "volts.csv", index=False)
+    seen = []
+
+    def taken(recording, exposure, *_):
+        seen.append((recording, exposure))
+        raise ArgumentError("volts.csv: enough")
+
+    monkeypatch.setattr("gearmon.gear_share", taken)
+    words = ["volts.csv", "--machine", "m.toml", "--axes", "x=vy,z=vz"]
+    assert run(capsys, monkeypatch, tmp_path, *words)[0] == 2
+    ((recording, exposure),) = seen
+    assert recording.channel_names == ("vy", "vz")
+    samples = recording.samples
+    np.testing.assert_allclose(samples, volts[["vy", "vz"]].to_numpy().T / 0.02, rtol=1e-9)
+    (x, z) = exposure.axes
+    assert (x.channel, z.channel) == ("vy", "vz")
 
 
 def test_results_are_like_the_others(farm):

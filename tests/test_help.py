@@ -11,8 +11,9 @@ import pytest
 
 from gearmon import demos
 from gearmon.cli import COMMANDS, main, parsed
-from gearmon.commands.command import output_files
+from gearmon.commands.command import output_files, outputs_claimed
 from gearmon.dynamics import stability
+from gearmon.errors import ArgumentError
 from gearmon.gears.faults import ERROR_KINDS, KINDS
 from gearmon.harvesting import tuning
 
@@ -83,6 +84,15 @@ def test_the_example_runs(shop, tmp_path, monkeypatch, capsys, name):
     assert set(tmp_path.iterdir()) - before <= {tmp_path / path for path in named}
     if "-o" in words:
         assert (tmp_path / words[words.index("-o") + 1]).stat().st_size > 0
+
+
+def test_a_folder_that_is_there_may_be_written_into_by_what_writes_a_folder(tmp_path):
+    folder = str(tmp_path)
+    with outputs_claimed(parsed(["demo", next(iter(demos.DEMOS)), "-o", folder])):
+        pass
+    single = parsed(["lines", "machine.toml", "-o", folder])
+    with pytest.raises(ArgumentError, match="folder"), outputs_claimed(single):
+        pass
 
 
 def test_examples_of_long_runs_name_what_there_is(capsys):

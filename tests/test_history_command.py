@@ -120,6 +120,20 @@ def test_wrong_arguments_are_refused_before_any_work(folder, capsys, options, me
     assert message in capsys.readouterr().err
 
 
+def test_a_history_that_is_not_there_or_of_other_machines_cannot_be_looked_at(
+    folder, tmp_path, capsys
+):
+    store = tmp_path / "history.db"
+    look = ["history", "--machine", str(folder / "machine.toml"), "--store", str(store)]
+    assert main(look) == 2
+    assert "there is no such history file" in capsys.readouterr().err
+    assert not store.exists()
+    assert run(folder, "--times", TIMES, "--store", str(store)) == 1
+    capsys.readouterr()
+    assert main([*look, "--name", "another"]) == 2
+    assert f"{store}: machine 'another'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("limit", ["200%", "much"])
 def test_a_limit_that_is_no_loss_is_refused(folder, capsys, limit):
     with pytest.raises(SystemExit) as stop:

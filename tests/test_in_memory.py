@@ -107,6 +107,16 @@ def test_what_is_no_recording_is_refused_in_one_line(source, said):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize("rows", [0, 1])
+@pytest.mark.parametrize(
+    "index", [None, pd.timedelta_range(0, periods=1), pd.date_range("2026-01-01", periods=1)]
+)
+def test_a_frame_of_no_row_or_one_is_no_signal(rows, index):
+    whole = pd.DataFrame({"time_s": [0.0], "a": [1.0]}, index=index)
+    with pytest.raises(gearmon.GearmonError, match=rf"a frame of shape .{rows}, 2. without a sign"):
+        gearmon.read_recording(whole.iloc[:rows], RATE)
+
+
 def test_a_frame_with_a_gap_in_its_time_is_refused(samples):
     gap = np.delete(np.arange(samples.shape[1]), slice(100, 110))
     with pytest.raises(gearmon.GearmonError, match=r"'time_ns'.: the time is irregular"):

@@ -155,6 +155,19 @@ def test_a_loss_may_be_all_and_not_nothing():
             loss_of(text)
 
 
+def test_members_of_a_family_are_told_by_what_is_damaged_and_how_much(machine, capsys):
+    words = ["--kind", "crack", "--size", "10%", "--size", "20%", "--gear", "1:pinion"]
+    assert main(["family", str(machine), *words, "--max-hz", "8000"]) == 0
+    head, *rows = [line.split() for line in capsys.readouterr().out.splitlines() if line][:3]
+    assert {"stage", "gear", "kind", "size", "loss"} <= set(head)
+    assert not {"teeth", "lines", "method"} & set(head)
+    told = [dict(zip(head, row, strict=False)) for row in rows]
+    assert [(own["stage"], own["gear"], own["kind"]) for own in told] == 2 * [
+        ("1", "pinion", "crack")
+    ]
+    assert 0 < float(told[0]["loss"]) < float(told[1]["loss"])
+
+
 def test_members_of_a_family_are_written_as_far_as_was_asked(machine, tmp_path):
     words = ["--kind", "crack", "--size", "20%", "--gear", "1:pinion", "--max-hz", "8000"]
     target = tmp_path / "family.csv"

@@ -165,8 +165,13 @@ def test_sound_recordings_raise_no_doubts():
     assert reference().notes == ()
 
 
-def test_the_same_recording_counts_once():
-    again = replace(recording(load=0.7, seed=0), origin="copy.csv", channel_names=("a1", "a2", "t"))
+@pytest.mark.parametrize("copied", [(0, 1), (0,), (1,)])
+def test_the_same_recording_counts_once(copied):
+    """Even if one of its channels is another one."""
+    samples = recording(load=0.85, seed=1).samples.copy()
+    samples[list(copied)] = recording(load=0.7, seed=0).samples[list(copied)]
+    again = replace(recording(load=0.85, seed=1), samples=samples, origin="copy.csv")
+    again = replace(again, channel_names=("a1", "a2", "t"))
     with pytest.raises(ArgumentError, match=r"copy\.csv: holds the same samples as @0\.7"):
         learn([recording(load=0.7, seed=0), again], machine())
 

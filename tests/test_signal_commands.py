@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from reference.small_gearbox import MACHINE_FILE, RATE_HZ, recording
 
+import gearmon
 from gearmon.cli import main
 
 PNG = b"\x89PNG\r\n"
@@ -159,7 +161,35 @@ def test_orders_on_the_screen_and_as_json_files(place, capsys):
     assert "synchronous averages, root mean squares" in said
     assert "pinion of stage 1: residual less" in said
     assert json.loads(out.read_text(encoding="utf-8"))["rows"][0]["order"] == 0
-    assert json.loads((place / "o-averages.json").read_text(encoding="utf-8"))["rows"]
+    # the result stands in the first file alone
+    for name in ("map", "averages", "lines"):
+        own = json.loads((place / f"o-{name}.json").read_text(encoding="utf-8"))
+        assert set(own) == {"schema", "rows"}
+        assert own["rows"]
+
+
+@pytest.mark.parametrize("command", ["orders", "spectrum"])
+def test_a_name_of_a_picture_is_that_of_no_table(place, tmp_path, capsys, command):
+    out = tmp_path / "p.png"
+    assert run(place, command, "--machine", place / "machine.toml", "-o", out, "--json") == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["tables"] == []
+    assert str(out) in result["pictures"]
+    assert sorted(result["pictures"]) == sorted(map(str, tmp_path.iterdir()))
+    assert all(path.read_bytes().startswith(PNG) for path in tmp_path.iterdir())
+
+
+def test_orders_warn_of_all_that_spectra_and_averages_warn_of_once(place, capsys, monkeypatch):
+    spectra, averages = gearmon.order_spectra, gearmon.gear_averages
+
+    def noted(way, *notes):
+        return lambda *given, **named: replace(way(*given, **named), notes=notes)
+
+    monkeypatch.setattr(gearmon, "order_spectra", noted(spectra, "of both", "of spectra"))
+    monkeypatch.setattr(gearmon, "gear_averages", noted(averages, "of both", "of averages"))
+    assert run(place, "orders", "--machine", place / "machine.toml", "--json") == 0
+    told = json.loads(capsys.readouterr().out)["warnings"]
+    assert sorted(told) == ["of averages", "of both", "of spectra"]
 
 
 @pytest.mark.parametrize(

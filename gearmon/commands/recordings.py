@@ -276,7 +276,7 @@ def history(arguments: Namespace) -> int:
     history, times = histories.History(machine=name), []
     if arguments.recording:
         times = histories.recording_times(arguments.recording, arguments.times, arguments.time_from)
-    if arguments.store and (Path(arguments.store).exists() or not times):
+    if arguments.store and Path(arguments.store).exists():
         history = histories.read_history(arguments.store, name)
     if not (times or history.entries):
         known = [own["machine"] for own in histories.read_latest(arguments.store)]

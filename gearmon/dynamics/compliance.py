@@ -178,14 +178,13 @@ class SystemCompliance:
 
     def __init__(self, system: HillSystem) -> None:
         self.system = system
-        squares, self.shapes = system.modes
-        self.squares = np.where(system.rigid, 0.0, squares)
+        self.squares, self.shapes = system.modes
         self.damping = self.shapes.T @ system.velocity_matrix @ self.shapes
         scale = np.sqrt(system.mesh_stiffness_n_per_m)
         #: mesh vectors in modal coordinates times sqrt(k_j), shape (n, meshes)
         self.meshes = self.shapes.T @ (system.mesh_vectors * scale[:, None]).T
         self.rows = (len(scale),)
-        self.depth = 8.0 + len(squares)
+        self.depth = 8.0 + len(self.squares)
         self._lines: Complex = np.zeros((0, *self.meshes.shape), dtype=complex)
         self._matrices: Complex = np.zeros((0, *self.rows, *self.rows), dtype=complex)
         if self.far > MOST_LINES:

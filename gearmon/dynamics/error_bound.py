@@ -220,7 +220,7 @@ def small_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> tuple[
     vertices = ratio * np.sqrt([np.maximum(middles, 0), 1 / np.where(middles > 0, middles, 1)])
     below = np.floor(vertices)
     x = np.array([below, below + 1]) / ratio
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         compliance = 1 / np.abs(stiffness_at(x, zeta))
         softest = compliance[:, 0].max(axis=0)
         response = np.maximum(1.0, (x[:, 1] ** 2 * compliance[:, 1]).max(axis=0))

@@ -128,6 +128,11 @@ def steady_state(
                 f"of the mesh, and as many harmonics must be solved; allowed is {MOST_RATIO:.0g} "
                 "times"
             )
+        if problem.damping_ns_per_m == 0 and ratio.is_integer():
+            raise ArgumentError(
+                f"damping_ns_per_m=0 N s/m: the natural frequency is just {ratio:.0f} times that "
+                "of the mesh, a resonance of infinite height; give damping above 0"
+            )
         small = direct.solve(problem, tolerance, harmonics) if is_free else None
         if small is not None:
             text = f"small enough to solve directly, harmonics 0 to {small.solved} together: "
@@ -202,19 +207,18 @@ def _response(
     problem: HillProblem, found: Solution, method: str, order: int, message: str
 ) -> Response:
     """Put an answer into words: `message` is what to say of a steady vibration."""
-    stable = found.stable and problem.damping_ns_per_m > 0
     response = Response(
         problem=problem,
         displacement=found.displacement,
-        error_bound=found.bound if stable else math.inf,
+        error_bound=found.bound if found.stable else math.inf,
         method=method,
         order=order,
-        stable=stable,
+        stable=found.stable,
         message=message,
     )
     if problem.damping_ns_per_m == 0:
         return replace(response, message=UNDAMPED)
-    if not stable:
+    if not found.stable:
         return replace(response, message=growing_by(abs(response.floquet_multipliers[0])))
     return response if found.pressed else _with_contact(response)
 

@@ -58,6 +58,8 @@ from gearmon.result import Result
 #: Share of the largest eigenvalue below which a mode is a rigid one: rounding of the eigenvalues of
 #: 40 coordinates is some 1e-14.
 RIGID = 1e-11
+#: Share of it from which on a negative eigenvalue is no rounding.
+NEGATIVE = 1e-9
 #: Unsymmetric part of a matrix that is taken for rounding.
 SYMMETRIC = 1e-9
 
@@ -150,7 +152,7 @@ class HillSystem:
 
     def _check_equilibrium(self) -> None:
         squares = self.modes[0]
-        if squares[0] < -1e-9 * squares[-1]:
+        if squares[0] < 0:
             raise ArgumentError(
                 f"stiffness: the machine with mean mesh stiffnesses has a mode of negative "
                 f"stiffness (square of its frequency {squares[0]:.4g} 1/s2): it has no equilibrium"
@@ -186,7 +188,8 @@ class HillSystem:
     def modes(self) -> tuple[Real, Real]:
         """Squares of the angular natural frequencies [1/s2], ascending, and modes of unit mass.
 
-        Undamped, with mean stiffnesses and without gyroscopic terms; one mode to a column.
+        Undamped, with mean stiffnesses and without gyroscopic terms; one mode to a column. Of
+        rigid-body motions the squares are zero.
 
         Raises
         ------
@@ -197,19 +200,18 @@ class HillSystem:
             squares, shapes = scipy.linalg.eigh(self.mean_stiffness, self.mass)
         except np.linalg.LinAlgError:
             raise ArgumentError("mass: the matrix must be positive definite") from None
-        return np.asarray(squares), np.asarray(shapes)
+        rigid = (squares > -NEGATIVE * squares[-1]) & (squares < RIGID * squares[-1])
+        return np.where(rigid, 0.0, squares), np.asarray(shapes)
 
-    @cached_property
+    @property
     def rigid(self) -> BoolArray:
         """Which modes are rigid-body motions, shape (n,)."""
-        squares = self.modes[0]
-        return np.asarray(squares < RIGID * squares[-1])
+        return np.asarray(self.modes[0] == 0)
 
     @property
     def natural_frequencies_hz(self) -> Real:
         """Natural frequencies with mean stiffnesses [Hz], ascending, shape (n,)."""
-        squares = np.where(self.rigid, 0.0, self.modes[0])
-        return np.asarray(np.sqrt(squares) / (2 * math.pi))
+        return np.asarray(np.sqrt(self.modes[0]) / (2 * math.pi))
 
 
 #: Kind of number, and axes: n coordinates, m meshes, or any number of J harmonics.
@@ -498,7 +500,7 @@ def combination_tongues(system: HillSystem) -> list[CombinationTongue]:
     0.0325
     """
     squares, shapes = system.modes
-    natural = np.sqrt(np.where(system.rigid, 0.0, squares))
+    natural = np.sqrt(squares)
     damping = 0.5 * np.diag(shapes.T @ system.velocity_matrix @ shapes)
     # modes of one frequency together, rigid-body motions left out
     elastic = np.flatnonzero(natural)

@@ -251,7 +251,7 @@ class TeethInMesh(PairsInMesh):
         """Return what each pair carries per unit of deflection [N/m]."""
         if self.teeth.form.contact == "constant" or self.force_n is None:
             return self._share(phase, states, None)
-        force = np.full((len(states), *phase.shape), self.force_n / self.length)
+        force = np.full((len(states), *phase.shape), self.force_n)
         for _ in range(LOAD_ROUNDS):
             loads = self._share(phase, states, force)
             # a pair that carries nothing flattens nothing, and its logarithm needs some load

@@ -633,12 +633,16 @@ def trim_ring(pair: PairGeometry) -> PairGeometry:
     trim = (least - ring.tip_radius_m) / ring.module_m
     if trim <= 1e-9:
         return pair
-    cure = f"tip_factor_{ring.name} <= {ring.tip_factor - trim:.3f}"
+    # a diameter goes before the factor; both are rounded to the safe side
+    cure = (
+        f"tip_factor_{ring.name} <= {math.floor(1e3 * (ring.tip_factor - trim)) / 1e3:.3f} (or, "
+        f"where it is given, tip_diameter_{ring.name}_mm >= {math.ceil(2e6 * least) / 1e3:.3f})"
+    )
     if trim > LARGEST_RING_TRIM:
         raise ArgumentError(
-            f"tip_factor_{ring.name}={ring.tip_factor:g}: the tips of the {ring.name} reach "
-            f"{trim:.3g} modules below the involute of the {planet.name} (interference); give "
-            f"{cure}"
+            f"tip_factor_{ring.name}={ring.tip_factor:g}, tip circle {2e3 * ring.tip_radius_m:.5g} "
+            f"mm: the tips of the {ring.name} reach {trim:.3g} modules below the involute of the "
+            f"{planet.name} (interference); give {cure}"
         )
     note = (
         f"the tips of the {ring.name} are taken as relieved by {trim:.3f} modules, for they would "

@@ -221,7 +221,8 @@ def _judged(
     try:
         for number, fold in enumerate(folds):
             others = folds[:number] + folds[number + 1 :]
-            duty = tuple(replace(p, share=p.share / len(others)) for own in others for p in own)
+            # the best tuning is the same whatever the shares of time add up to
+            duty = tuple(point for own in others for point in own)
             # where the limits chose the tuning, the noise did not
             kept = tuned.over > BOUND or not duty
             one = tuned.harvester if kept else tuning.tuned_among(harvester, duty, tuned.rivals_hz)

@@ -98,6 +98,24 @@ def test_column_sizes_and_their_product_are_those_of_many_lines(zeta, ratio, pow
     assert math.log(determinant.growth) - 0.5 == pytest.approx(product, rel=1e-6, abs=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("ratio", "harmonics", "solved"),
+    [(3.0, [0.2, 0.1j], 12), (3.0, [0.2, 0.1j], 9), (5.0, [0.1, 0.05, 0.02j], 13), (0.7, [0.3], 4)],
+)
+def test_a_sweep_divides_the_residual_by_the_edge_over_the_swing(ratio, harmonics, solved):
+    system = BandSystem(scaled_problem(ratio, 0.1, harmonics))
+    assert system.factorise(solved)
+    system.begin()
+    sizes = []
+    for _ in range(4):
+        sizes.append(np.linalg.norm(system.excess))
+        system.sweep()
+    assert sizes[0] > 1e-13
+    falls = np.divide(sizes[:-1], sizes[1:])[np.array(sizes[1:]) > 1e-15]
+    assert len(falls)
+    assert falls.min() > system.nearest(solved) / system.swing
+
+
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-10])
 def test_stress(tolerance):
     """A hundred systems over the whole range: met or refused, and the bound holds."""

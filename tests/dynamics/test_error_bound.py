@@ -110,6 +110,20 @@ def test_energy_proves_light_damping_where_the_mesh_is_slow():
     assert true_gain(problem, 90) < energy < 10 * true_gain(problem, 90)
 
 
+@pytest.mark.parametrize("zeta", [0.02, 0.3, 0.8])
+@pytest.mark.parametrize("size", [0.05, 0.15])
+def test_energy_takes_the_worst_stiffness_that_the_mesh_runs_through(zeta, size):
+    """At s = k/k0 - zeta^2 a motion of one adiabatic invariant: by every s that there is."""
+    pattern = Pattern(size * np.array([0.5, 0.3j]))
+    s = 1 - zeta**2 + np.linspace(-pattern.highest, pattern.highest, 1001)
+    ratio = 4 * pattern.variation / (8 * math.pi * zeta * s[0])
+    decay = zeta - pattern.variation / (8 * math.pi * ratio * s[0])
+    force = np.hypot(2 * zeta * s**0.25, np.abs(s - zeta**2) / s**0.25).max()
+    slow = 1 + force * (s**-0.25).max() * np.exp(pattern.variation / (4 * s[0])) / decay
+    (found,) = energy_gain(ratio * np.ones(1), zeta * np.ones(1), np.ones(1), pattern)
+    assert slow * (1 - 1e-12) <= found < 1.5 * slow
+
+
 def test_sizes_of_phi_are_bounds():
     rng = np.random.default_rng(3)
     for count in (1, 4, 20):

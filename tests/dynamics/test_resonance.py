@@ -142,6 +142,9 @@ def test_refusals():
         free_vibration(scaled_problem(2.0, 0.0, [], [0, 1.0]), 1)
     with pytest.raises(ArgumentError, match="whole or on half"):
         amplitude_equations(p, [(1, 0.3)], 1, 1)
+    for slow in ([], [(1, 2.0), (1, 2.0)], [(1, 2.0), (1, 2.5)]):
+        with pytest.raises(ArgumentError, match="must be different states, all on whole or on"):
+            amplitude_equations(p, slow, 1, 1)
     undamped = scaled_problem(3.0, 0.0, [0, 0, 0.05])
     flat = amplitude_equations(undamped, [(1, 3.0), (-1, -3.0)], 0, 1)
     with pytest.raises(ArgumentError, match="singular"):

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from reference.hill_cases import balanced, published_pair, random_problem, scaled_problem
 from reference.hill_reference import acceleration_error, periodic_solution
 
-from gearmon.dynamics import steady_state
+from gearmon.dynamics import HillProblem, steady_state
+from gearmon.dynamics.steady_state import METHODS
 from gearmon.errors import ArgumentError
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -156,11 +157,15 @@ def test_unstable_systems_are_refused_with_their_multiplier():
     assert f"{abs(r.floquet_multipliers[0]):.6g}" in r.message
 
 
-def test_undamped_systems_have_no_steady_state():
-    r = steady_state(scaled_problem(3.3, 0.0, [0.05]))
-    assert r.stable is False
-    assert math.isinf(r.error_bound)
-    assert "undamped" in r.message
+@pytest.mark.parametrize("harmonics", [[], [0.1], [0.2, 0.1j]])
+@pytest.mark.parametrize("method", METHODS)
+def test_without_damping_no_way_finds_a_steady_state(method, harmonics):
+    undamped = steady_state(scaled_problem(3.3, 0.0, harmonics), method=method)
+    assert undamped.stable is False
+    assert math.isinf(undamped.error_bound)
+    assert "undamped" in undamped.message
+    with pytest.raises(ArgumentError, match=r"just 3 times that of the mesh, .*give damping"):
+        steady_state(HillProblem(1.0, 0.0, 9.0, harmonics, 2 * math.pi, 1.0), method=method)
 
 
 def test_constant_stiffness_stands_still():
@@ -226,3 +231,15 @@ def test_the_message_tells_of_lost_contact_wherever_there_is_some():
                 assert found.contact_lost == ("teeth lose contact" in found.message)
                 told.append(found.contact_lost)
     assert 5 < sum(told) < len(told) - 5
+
+
+@pytest.mark.parametrize("method", ["auto", "harmonic balance"])
+@pytest.mark.parametrize("ratio", [8.0, 20.0])
+@pytest.mark.parametrize("size", [0.2, 0.6, 1.0])
+def test_teeth_that_a_slow_force_parts_are_told_though_hardly_anything_swings(size, ratio, method):
+    """Far below resonance the mesh carries the forces as they come: F + 2 f cos(w t)."""
+    p = scaled_problem(ratio, 0.1, [0.01])
+    p = replace(p, force_harmonics_n=[size * p.force_n])
+    found = steady_state(p, method=method)
+    assert found.mesh_force_margin == pytest.approx(1 - 2 * size, abs=0.05)
+    assert ("teeth lose contact" in found.message) == found.contact_lost == (size > 0.5)

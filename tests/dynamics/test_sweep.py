@@ -9,7 +9,7 @@ from reference.hill_cases import balanced, published_pair, random_problem
 from reference.hill_reference import acceleration_error, period_map
 
 from gearmon.dynamics import steady_state
-from gearmon.dynamics.sweep import sweep
+from gearmon.dynamics.sweep import _Work, sweep
 from gearmon.errors import ArgumentError
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -153,6 +153,30 @@ def test_unstable_and_undamped_sets_are_refused_with_the_number(times):
     assert growth == pytest.approx(largest, rel=1e-2)
     with pytest.raises(ArgumentError, match="no steady state here: unstable"):
         found.response(0)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"damping": 1e16}, {"damping": 1e200}, {"mass": 1e-30}, {"mass": 1e30}]
+)
+def test_a_set_that_no_pair_can_have_is_refused_among_many_as_by_itself(changes):
+    known = {"mass": np.full(20, 0.28), "damping": np.full(20, 9e3), "scale": np.ones(20)}
+    for name, value in changes.items():
+        known[name][7] = value
+    found = sweep(known["mass"], known["damping"], 8e8, SQUARE, 1.6e-3, 4e3, scale=known["scale"])
+    assert np.delete(found.met, 7).all()
+    assert not found.met[7]
+    with pytest.raises(ArgumentError) as alone:
+        steady_state(found.problem(7))
+    assert found.reason[7] == str(alone.value)
+
+
+def test_no_work_is_spent_by_itself_on_sets_known_to_be_unstable(monkeypatch):
+    period, alone = math.pi * math.sqrt(0.28 / 8e8), []
+    usual = _Work._alone
+    monkeypatch.setattr(_Work, "_alone", lambda self, i, c: (alone.append(i), usual(self, i, c))[1])
+    found = sweep(0.28, [1e2, 0.0, 9e3] * 8, 8e8, [0.1], period, 4e3)
+    assert not found.stable[::3].any()
+    assert not set(alone) & set(np.flatnonzero(~found.stable).tolist())
 
 
 @pytest.mark.parametrize("largest", [0.5, 0.9])

@@ -8,8 +8,10 @@ import sys
 
 import pytest
 
-from gearmon.cli import main
-from gearmon.fleet import in_processes, read_fleet, run_fleet
+from gearmon.cli import main, parsed
+from gearmon.commands.recordings import _engine
+from gearmon.errors import ArgumentError
+from gearmon.fleet import in_processes, on_dask, read_fleet, run_fleet
 
 
 @pytest.fixture(scope="module")
@@ -89,3 +91,14 @@ def test_a_folder_that_fsspec_reaches(folder, tmp_path):
     fleet = read_fleet(path)
     run = run_fleet(fleet, lambda jobs: in_processes(jobs[:1]))
     assert run.done == 1
+
+
+def test_the_cluster_and_the_patience_with_it_are_those_that_are_told():
+    words = ["fleet", "run", "fleet.toml", "--engine"]
+    given = parsed([*words, "dask", "--scheduler", "tcp://10.0.0.1:8786", "--patience", "7"])
+    engine = _engine(given)
+    assert engine.func is on_dask
+    assert engine.keywords == {"scheduler": "tcp://10.0.0.1:8786", "patience_s": 7.0}
+    assert _engine(parsed([*words, "processes"])) is in_processes
+    with pytest.raises(ArgumentError, match="needs --scheduler ADDRESS"):
+        _engine(parsed([*words, "dask"]))

@@ -502,6 +502,15 @@ def test_ring_tips_are_relieved_with_a_warning():
     assert told.warnings == ()
 
 
+@pytest.mark.parametrize("shortening", [None, 0.03, -0.03])
+def test_ring_tips_are_relieved_to_where_the_involute_of_the_planet_begins(shortening):
+    """However far they reach by themselves."""
+    planet, ring = gear(40, name="planet"), gear(100, tip_shortening=shortening, **RING)
+    pair = pair_geometry(planet, ring, module_m=0.001)
+    assert pair.path_m[0] == pytest.approx(pair.gears[0].form_roll, rel=1e-12)
+    assert len(pair.warnings) == 1
+
+
 def test_backlash_of_a_wide_centre_distance_is_a_warning():
     pair = pair_geometry(gear(26), gear(53), module_m=0.002, centre_distance_m=0.079582)
     assert "much backlash" in pair.warnings[0]

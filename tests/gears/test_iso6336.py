@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gearmon.errors import ArgumentError
 from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.mechanics import equivalent_mass
-from gearmon.gears.pairs import mesh_pairs, method_b
+from gearmon.gears.pairs import blank_factor, mesh_pairs, method_b
 from gearmon.machine import ParallelStage, PlanetaryStage
 
 DEG = math.pi / 180
@@ -140,6 +140,16 @@ def test_blank_factor_stays_in_its_range(web, rim):
     found = method_b(tooth(20), tooth(40), contact_ratio=1.5, web=(web, rim)).blank
     expected = 1 + math.log(min(max(web, 0.2), 1.2)) / (5 * math.exp(max(rim, 1.0) / 5))
     assert found == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("side", [0.99, 1.01])
+@pytest.mark.parametrize(("web", "rim"), [(0.2, 2.0), (1.2, 2.0), (0.6, 1.0)])
+def test_a_blank_factor_is_said_to_be_cut_where_it_is(web, rim, side):
+    web, rim = (web, side) if rim == 1.0 else (side * web, rim)
+    factor, notes = blank_factor(web, rim)
+    formula = 1 + math.log(web) / (5 * math.exp(rim / 5))
+    assert (factor == pytest.approx(formula, rel=1e-12)) == (not notes)
+    assert bool(notes) == (not 0.2 <= web <= 1.2 or rim < 1)
 
 
 # --- published rows from a machine file's data ---------------------------------------------------

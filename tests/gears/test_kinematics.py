@@ -258,6 +258,13 @@ def test_unequally_spaced_planets_cancel_nothing():
     assert mesh.healthy_orders(1) == pytest.approx(expected)
 
 
+def test_lines_below_zero_are_heard_at_as_many_turns_above_it():
+    mesh = kinematics(machine(planetary(20, 40, 100, 4))).mesh(1)
+    seen = np.array(mesh.healthy_orders(1, reach=60)) / float(abs(mesh.carrier))
+    shifts = [s for s in range(-240, 241) if (100 + s) % 4 == 0]
+    np.testing.assert_allclose(seen, sorted(abs(100 + s) for s in shifts), atol=1e-9)
+
+
 # --- bearings
 
 

@@ -12,7 +12,13 @@ from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import parse_error, parse_fault
-from gearmon.gears.mechanics import DAMPING_RATIO, load_share, stage_mechanics
+from gearmon.gears.mechanics import (
+    DAMPING_RATIO,
+    disc_body,
+    gear_disc,
+    load_share,
+    stage_mechanics,
+)
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
 
@@ -250,6 +256,19 @@ def test_mass_of_a_planetary_stage():
     assert inner.equivalent_mass_kg == pytest.approx(1 / (4 * yielding(20) + yielding(40)))
     assert outer.equivalent_mass_kg == pytest.approx(1 / yielding(40))
     assert any("ring is taken as rigid" in text for text in outer.assumptions)
+
+
+@pytest.mark.parametrize("stage", [PAPER, PLANETARY])
+def test_the_equivalent_mass_of_discs_gives_back_their_density_at_any_width(stage):
+    """And with it every gear's inertia: density and width in proportion to one another."""
+    known = stage_mechanics(machine(stage), 1).equivalent_mass_kg
+    given = [replace(stage, equivalent_mass_kg=known, face_width_mm=own) for own in (40.0, 10.0)]
+    for own in given:
+        for found, solid in zip(mesh_pairs(own), mesh_pairs(stage), strict=True):
+            width, density = disc_body(found, "", "")
+            assert width * density == pytest.approx(7850.0 * 1e-3 * stage.face_width_mm)
+            for index in range(2):
+                assert gear_disc(found, index) == pytest.approx(gear_disc(solid, index))
 
 
 # --- refusals ------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -382,3 +383,27 @@ def test_load_dependent_contact_in_a_ring():
     form = PotentialEnergy(contact="load-dependent")
     low, high = (outer(NREL, form=form, force_n=force).mean_n_per_m for force in (1e5, 2e6))
     assert low < high
+
+
+@pytest.mark.parametrize(
+    "reach",
+    [
+        {},
+        {"tip_factor_ring": 1.2},
+        {"tip_diameter_ring_mm": 98.0},
+        {"tip_diameter_ring_mm": 97.5},
+    ],
+)
+def test_ring_tips_that_reach_too_far_are_told_what_they_may(reach):
+    """In the key that the file gives; with that value nothing has to go any more."""
+    counts = {"sun_teeth": 20, "planet_teeth": 40, "ring_teeth": 100, "planets": 3}
+    stage = PlanetaryStage(**counts, module_mm=1.0, face_width_mm=20.0, **reach)
+    try:
+        told = mesh_pairs(stage)[1].geometry.warnings[0]
+    except ArgumentError as error:
+        told = str(error)
+    may = dict(re.findall(r"(tip_\w+_ring\w*) [<>]= ([\d.]+)", told))
+    key = next(iter(reach), "tip_factor_ring")
+    heeded = mesh_pairs(replace(stage, **{key: float(may[key])}))[1].geometry
+    assert heeded.warnings == ()
+    assert heeded.path_m[0] == pytest.approx(heeded.gears[0].form_roll, abs=3e-6)

@@ -241,6 +241,16 @@ def test_impossible_variations_are_refused():
         mesh_stiffness(flat)
 
 
+@pytest.mark.parametrize("form", ["parabolic", "rectangular"])
+def test_a_mesh_of_a_whole_overlap_is_flat_whether_its_file_says_so_or_not(form):
+    flat = replace(HELICAL, face_width_mm=math.pi * 2 / math.sin(math.radians(20)))
+    for own in (flat, replace(flat, stiffness_variation=0.0)):
+        found = mesh_stiffness(own, form=form)
+        assert found.variation == pytest.approx(0.0, abs=1e-9)
+        values = found.at(np.linspace(0.0, 1.0, 50)) / found.mean_n_per_m
+        np.testing.assert_allclose(values, 1.0, rtol=1e-9)
+
+
 def test_a_stretched_mesh_still_loses_what_its_damaged_tooth_carries():
     stage = replace(SHORT, stiffness_variation=0.4)
     healthy, hurt = mesh_stiffness(stage), mesh_stiffness(stage, [crack(3, 0.25)])
@@ -354,6 +364,21 @@ def test_wear_lowers_all_pairs_alike():
     np.testing.assert_allclose(worn.harmonics(9), healthy.harmonics(9), atol=1e-15)
     both = [parse_fault("wear:1:pinion:all:10%"), parse_fault("wear:1:gear:all:20%")]
     assert mesh_stiffness(PAPER, both).mean_n_per_m == pytest.approx(0.72 * healthy.mean_n_per_m)
+
+
+@pytest.mark.parametrize("form", ["parabolic", "rectangular", "wave"])
+@pytest.mark.parametrize("worn", [("pinion",), ("gear",), ("pinion", "gear")])
+def test_worn_flanks_take_from_any_curve_what_they_take_from_the_teeth(worn, form):
+    """Where one pair carries alone; elsewhere each form shares the load in its own way."""
+    stage = replace(PAPER, contact_ratio=None)
+    faults = [parse_fault(f"wear:1:{gear}:all:0.1mm") for gear in worn]
+    left = []
+    for own in (form, "potential-energy"):
+        new, old = mesh_stiffness(stage, form=own), mesh_stiffness(stage, faults, own)
+        x = np.linspace(new.contact_ratio % 1 + 0.01, 0.99, 9)
+        left.append(old.at(x) / new.at(x))
+        assert old.mean_n_per_m < new.mean_n_per_m
+    np.testing.assert_allclose(1 - left[0], 1 - left[1], rtol=0.02)
 
 
 def test_all_teeth_damaged_alike_is_wear():

@@ -14,7 +14,7 @@ from reference.tooth_reference import tooth_compliance
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.tooth import ToothBeam
-from gearmon.gears.tooth_damage import SOUND, Hole, RootCrack, ToothDamage
+from gearmon.gears.tooth_damage import SOUND, Hole, RootCrack, ToothDamage, crossings
 
 WITH_BODY = teeth(19, 48, 3.175, 16, (10, 10), 206.8e9, root="straight")
 
@@ -398,3 +398,14 @@ def test_wear_leaves_a_tip():
     PAPER.beams(ToothDamage(wear_m=0.89 * whole), SOUND)
     with pytest.raises(ArgumentError, match="consumes the tip"):
         PAPER.beams(ToothDamage(wear_m=0.99 * whole), SOUND)
+
+
+@pytest.mark.parametrize("rounding", [1e-16, 0.0, -1e-16])
+def test_a_curve_is_crossed_where_rounding_alone_tells_its_sides_apart(rounding):
+    """At a place of the grid, where single values are rounded otherwise than many."""
+
+    def curve(t):
+        return t + (rounding if np.ndim(t) == 0 else -rounding)
+
+    found = crossings(curve, 0.0, 1.0, np.array([0.5, 0.7]))
+    np.testing.assert_allclose(found, [0.5, 0.7], atol=2e-6)

@@ -11,8 +11,9 @@ import pytest
 from scipy.signal import lfilter
 
 from gearmon.errors import ArgumentError, GearmonError
+from gearmon.harvesting import response, tuning
 from gearmon.harvesting.harvester import InertialHarvester
-from gearmon.harvesting.placement import survey_expected, survey_measured
+from gearmon.harvesting.placement import _judged, survey_expected, survey_measured
 from gearmon.harvesting.response import (
     SensorBudget,
     between,
@@ -142,6 +143,37 @@ def test_interval_holds_the_true_mean_nine_times_in_ten(count, memory, detuning,
     assert 0.86 <= np.mean(hits) <= 0.94
 
 
+def test_every_stretch_is_judged_by_the_tuning_that_did_not_know_it(monkeypatch):
+    survey = survey_measured(machine(), narrow(), [recording([1.0], noise=0.5)])
+    (place,), known = survey.placed, []
+    tuned_among, original = tuning.tuned_among, evaluate
+
+    def tuned(own, duty, places_hz):
+        known.append({id(point.vibration) for point in duty})
+        return tuned_among(own, duty, places_hz)
+
+    def numbered(one, points):
+        """Steps that tell in what place they are, and by which tuning."""
+        found = original(one, points)
+        steps = (np.arange(len(a.power_steps_w)) + 1e6 * len(known) for a in found.answers)
+        answers = [
+            replace(a, power_steps_w=own) for a, own in zip(found.answers, steps, strict=True)
+        ]
+        return replace(found, answers=tuple(answers))
+
+    monkeypatch.setattr(tuning, "tuned_among", tuned)
+    monkeypatch.setattr(response, "evaluate", numbered)
+    folds = place.position.folds
+    _, (steps,) = _judged(narrow(), place.tuned, place.position)
+    count = len(place.tuned.answers[0].power_steps_w)
+    parts = np.array_split(np.arange(count), len(folds))
+    expected = np.concatenate([part + 1e6 * n for n, part in enumerate(parts, start=1)])
+    np.testing.assert_array_equal(steps, expected)
+    for heard, own in zip(known, folds, strict=True):
+        others = {id(p.vibration) for fold in folds if fold is not own for p in fold}
+        assert heard == others != set()
+
+
 def test_shares_that_are_not_known_widen_the_interval():
     hits = []
     for seed in range(DAYS):
@@ -160,6 +192,18 @@ def test_blocks_of_operation_are_a_sample_of_it():
         low, high = interval_90(between(np.random.default_rng(seed).lognormal(0, 0.5, 12)))
         hits.append(low <= math.exp(0.125) <= high)
     assert 0.86 <= np.mean(hits) <= 0.94
+
+
+@pytest.mark.parametrize("shares", [(), (0.6, 0.1, 0.1, 0.1, 0.1)])
+def test_shares_that_are_told_weigh_the_power_however_many_recordings_there_are(shares):
+    """Without them recordings are a sample, and count alike."""
+    amplitudes = (0.5, 1.0, 1.5, 2.0, 2.5)
+    given = [recording([own], n, seconds=3.0, noise=0.01) for n, own in enumerate(amplitudes)]
+    best = survey_measured(machine(), narrow(), given, shares=shares).best
+    assert best.position.sampled == (not shares)
+    weights = shares or [0.2] * 5
+    mean = sum(share * own**2 for share, own in zip(weights, amplitudes, strict=True))
+    assert best.power_w == pytest.approx(mean * narrow().power_bound_w(), rel=0.02)
 
 
 def test_too_few_stretches_are_said():
@@ -267,6 +311,16 @@ def test_best_for_the_damaged_gear_is_told():
     assert len(values["set"]) == 2
     assert {"frequency_hz", "power_w", "stress_pa"} <= set(values["response"][0])
     json.dumps(values, allow_nan=False)
+
+
+def test_power_on_recordings_is_told_of_recordings_alone():
+    of_lines = survey_expected(machine(), narrow()).best.to_dict()
+    of_recordings = survey_measured(machine(), narrow(), [recording([1.0])]).best
+    assert of_lines["power_on_recordings_w"] is None
+    assert of_lines["power_w"] > 0
+    told = of_recordings.to_dict()
+    assert told["power_on_recordings_w"] == of_recordings.tuned.power_w
+    assert told["power_w"] == of_recordings.power_unseen_w != of_recordings.tuned.power_w
 
 
 def test_too_loud_a_mesh_names_the_path_gain_that_would_be_within():

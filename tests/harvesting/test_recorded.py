@@ -81,7 +81,7 @@ def test_power_with_stops_is_that_of_small_steps(kind, room, restitution):
     tight = replace(HARVESTERS[kind], weight_ms2=9.81, **limits)
     found = power_with_stops(tight, samples, RATE)
     slow = marched_with_stops(tight, samples, RATE, restitution)
-    assert found == pytest.approx(slow, rel=0.02)
+    assert found == pytest.approx(slow, rel=0.004)
 
 
 def test_half_and_nearly_all_steps_stay_below_what_is_told():

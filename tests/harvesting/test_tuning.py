@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -262,6 +263,29 @@ def test_worst_point_is_better_served_by_different_ones():
     points = duty(7)
     copies = [tune_harvester(inertial(), points)] * 2
     assert worst(tune_set(inertial(), points, 2)) > 1.5 * worst(copies)
+
+
+@pytest.mark.parametrize(("count", "seed"), [(2, 1), (3, 5)])
+def test_a_set_for_points_alike_is_no_worse_than_copies_of_the_best(count, seed):
+    points = [replace(duty(seed, wander=0.01)[0], share=0.5)] * 2
+    harvester = inertial(lowest_hz=350.0, highest_hz=450.0, natural_frequency_hz=400.0)
+    best = tune_harvester(harvester, points)
+    assert worst(tune_set(harvester, points, count)) >= worst([best] * count)
+
+
+@pytest.mark.parametrize("lasting_s", [0.5, 5.0])
+def test_what_swings_rarely_or_often_is_tuned_to_just_within_its_clearance(lasting_s):
+    """A guess of peaks from the spectrum is too low for the one, and too high for the other."""
+    time, rng = np.arange(40_000) / 2000.0, np.random.default_rng(1)
+    size = np.where((time > 8) & (time < 8 + lasting_s), 3.0, 0.3)
+    samples = size * np.cos(2 * np.pi * 300 * time) + rng.normal(scale=0.05, size=len(time))
+    point = OperatingShare(vibration=vibration_of_samples(samples, 2000.0, "r"), share=1.0)
+    tight = inertial(
+        lowest_hz=250.0, highest_hz=350.0, natural_frequency_hz=300.0, clearance_m=1e-5
+    )
+    found = tune_harvester(tight, [point])
+    assert found.within_limits
+    assert found.over == pytest.approx(1.0, abs=0.01)
 
 
 def test_bad_arguments_are_refused():

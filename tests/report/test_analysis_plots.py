@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -165,6 +166,44 @@ def test_the_close_up_shows_the_harmonic_whose_sidebands_changed(faulty):
         for change in faulty.analysis.changes
     ]
     assert close_up_harmonic(replace(faulty.analysis, changes=tuple(changes)), 1) == 3
+
+
+@pytest.mark.parametrize("harmonic", [1, 2, 3])
+def test_a_close_up_shows_as_much_below_its_harmonic_as_above(faulty, harmonic):
+    changes = [
+        replace(change, level_db=change.reference_db + 40 * (change.harmonic == harmonic))
+        for change in faulty.analysis.changes
+    ]
+    (mesh,) = faulty.analysis.signature.meshes
+    shown = replace(faulty.analysis, changes=tuple(changes))
+    figure = close_up_figure(shown, faulty.recording, mesh)
+    assert figure.heading.endswith(f"harmonic {harmonic}")
+    for ax in figure.axes:
+        drawn, place = curve(ax).get_xdata(), harmonic * mesh.frequency_hz
+        assert place - drawn[0] == pytest.approx(drawn[-1] - place, rel=0.01)
+
+
+def test_numbers_in_the_words_of_pictures_are_those_of_the_recording(faulty):
+    """It turns at 19.9 Hz throughout, nominal are 20; its pinion has 23 teeth."""
+    shown = {own.name: own for own in analysis_figures(faulty.analysis, faulty.recording)}
+    peaks = re.findall(r"(\w+) peaks with (\S+) .*? at (\S+) Hz", shown["spectrum"].alt)
+    assert [name for name, *_ in peaks] == ["front", "rear"]
+    for ax, (_, height, hertz) in zip(shown["spectrum"].axes, peaks, strict=True):
+        place, values = curve(ax).get_data()
+        assert float(height) == pytest.approx(values.max(), rel=5e-3)
+        assert float(hertz) == pytest.approx(place[np.argmax(values)], abs=0.0501)
+    close = shown["sidebands-mesh-1"]
+    harmonic, hertz = re.search(r"harmonic (\d) of mesh 1 at (\S+) Hz", close.alt).groups()
+    assert float(hertz) == pytest.approx(int(harmonic) * 23 * 19.9, abs=0.1)
+    assert ": −0.50 % from nominal, wandering over 0.0" in shown["speed"].caption
+    low, high, mean, nominal = re.findall(r"\d+\.?\d*", shown["speed"].alt.split("shaft 1")[1])
+    assert [float(own) for own in (low, high, mean)] == pytest.approx([19.9] * 3, rel=2e-3)
+    assert float(nominal) == 20.0
+    change = max(faulty.analysis.changes, key=lambda own: abs(own.standardised))
+    assert shown["changes"].alt.endswith(
+        f"; the clearest is {change.family} in {change.channel}: {change.change_db:+.1f} dB, "
+        f"{abs(change.standardised):.1f} standard deviations."
+    )
 
 
 # --- levels ----------------------------------------------------------------------------------

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +15,10 @@ from gearmon.harvesting import tuning
 from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.harvesting.placement import survey_measured
 from gearmon.harvesting.tuning import built_in
+from gearmon.harvesting.vibration import vibration_of_lines
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
-from gearmon.report.plots import save_all
-from gearmon.report.survey_plots import harvest_figures
+from gearmon.report.plots import save_all, sheet
+from gearmon.report.survey_plots import _draw_energy, harvest_figures
 from gearmon.report.survey_text import harvest_lines, spoken_time
 from gearmon.signals.recording import Recording
 
@@ -92,6 +95,11 @@ def test_figures_are_those_of_the_survey_in_the_units_of_their_axes(survey):
     assert best.get_ydata()[0] == pytest.approx(1e6 * survey.best.tuned.power_w)
     energy, beside = figures["-energy"].axes
     assert energy.get_ylabel() == "energy of a line in J/kg, (2πfA)²/2"
+    (left, right), (bottom, top) = energy.get_xlim(), energy.get_ylim()
+    lowest, highest = survey.tuned.harvester.frequency_range_hz
+    assert left < min(lowest, 300.0) / 1.2
+    assert right > 1.2 * max(highest, 300.0)
+    assert bottom < max(row["energy_j_per_kg"] for row in survey.lines()) < top
     assert beside.get_ylabel() == "harvester: µW per (m/s²)² (dashed)"
     frequency, gain = beside.lines[0].get_data()
     (name,) = (text.get_text() for text in energy.get_legend().get_texts())
@@ -110,6 +118,24 @@ def test_figures_are_those_of_the_survey_in_the_units_of_their_axes(survey):
     for ax in drawn:
         name, factor = factors[ax.get_ylabel()]
         assert ax.lines[0].get_ydata() == pytest.approx([factor * row[name] for row in rows])
+
+
+def test_the_highest_lines_of_a_crowd_are_drawn_and_a_spectrum_by_its_peaks():
+    rng = np.random.default_rng(4)
+    frequency, levels = np.sort(rng.uniform(10, 2000, 3000)), rng.lognormal(size=3000)
+    lines = vibration_of_lines(frequency, acceleration_ms2=levels)
+    bins = replace(lines, resolution_hz=0.5)
+    ax, other = sheet(4.0, 3.0).subplots(2)
+    _draw_energy(ax, lines, "black", "a")
+    tops = {tuple(own[1]) for own in ax.collections[0].get_segments()}
+    assert 0 < len(tops) < 1000
+    ranked = np.argsort(-lines.energy_j_per_kg)[: len(tops)]
+    assert tops == set(zip(frequency[ranked], lines.energy_j_per_kg[ranked], strict=True))
+    _draw_energy(other, bins, "black", "b")
+    place, height = other.lines[0].get_data()
+    owner = np.searchsorted(place, frequency, side="right") - 1
+    highest = [lines.energy_j_per_kg[owner == number].max() for number in range(len(place))]
+    np.testing.assert_array_equal(height, highest)
 
 
 def test_words_name_places_harvester_and_what_is_missing(survey):
@@ -141,6 +167,35 @@ def test_numbers_in_words_are_in_the_units_of_their_headings(survey):
     energy = column(lines, "energy_uj_per_kg")
     expected = [1e6 * row["energy_j_per_kg"] for row in ranked[: len(energy)]]
     assert energy == pytest.approx(expected, rel=5e-3)
+
+
+def test_numbers_in_sentences_are_those_of_the_survey_in_their_units(survey):
+    text, best, tuned = "\n".join(harvest_lines(survey)), survey.best, survey.tuned
+    supply, degraded, budget = best.supply, best.tuned_degraded, survey.budget
+    travel_m = max(own.travel_m for own in tuned.answers)
+    passed = [supply[f"{name}_w"] for name in ("harvested", "rectified", "regulated", "constant")]
+    known = {
+        "travel # mm and # mm of its own": [1e3 * travel_m, 1e3 * tuned.static_travel_m],
+        "(# % of the clearance), stress": [100 * tuned.travel_share],
+        "with that of its weight # % of what is safe": [100 * tuned.stress_share],
+        "# uW on the recordings that it": [1e6 * tuned.power_w],
+        "tuned to, # to expect": [1e6 * best.power_unseen_w],
+        "best once damaged: # Hz, # uW then": [
+            degraded.harvester.natural_frequency_hz,
+            1e6 * degraded.power_w,
+        ],
+        "and # uW while sound": [1e6 * best.degraded_best_power_when_healthy_w],
+        "tuning above gives # uW": [1e6 * best.degraded_power_w],
+        "of # uW, # pass the rectifier and # the converter; # are taken": [
+            1e6 * own for own in passed
+        ],
+        "(# s at # Hz and # bit": [budget.duration_s, budget.sampling_rate_hz, budget.bits],
+        "bit, # mJ to make": [1e3 * budget.energy_j],
+    }
+    for sentence, expected in known.items():
+        found = re.search(re.escape(sentence).replace(r"\#", r"([\d.eE+-]+)"), text)
+        assert found, sentence
+        assert [float(own) for own in found.groups()] == pytest.approx(expected, rel=6e-3)
 
 
 def test_times_are_in_the_unit_that_suits_them():

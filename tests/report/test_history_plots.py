@@ -98,6 +98,23 @@ def test_losses_limit_and_scores_are_drawn():
             assert any(np.allclose(span, own) for span in spans)
 
 
+@pytest.mark.parametrize("unknown", [("low_s",), ("high_s",), ("low_s", "high_s")])
+def test_an_unknown_end_of_when_the_limit_is_reached_is_the_farthest_or_the_likeliest(
+    unknown, monkeypatch
+):
+    """Never reached for certain: as far as is drawn; no earliest time: the likeliest one."""
+    found = history_trends(history(), limit=0.3)
+    known, times = found.teeth[0].crossing, found.teeth[0].trend.series.time_s
+    open_ended = replace(known, **dict.fromkeys(unknown))
+    monkeypatch.setattr(found.teeth[0], "crossing", open_ended)
+    upper = history_figure(found, [0.0] * 14).axes[0]
+    (bar,) = [line for line in upper.lines if line.get_label() == "when the limit is reached"]
+    farthest = 2 * times[-1] - times[0]
+    low = known.time_s if "low_s" in unknown else known.low_s
+    high = farthest if "high_s" in unknown else min(known.high_s, farthest)
+    assert bar.get_xdata() == pytest.approx([low / 86400.0, high / 86400.0], abs=1e-6)
+
+
 def test_the_known_loss_is_drawn_in_percent_at_the_times_of_the_recordings():
     found = history_trends(history(count=4), limit=0.3)
     upper = history_figure(found, [0.0, 0.02, 0.05, 0.11]).axes[0]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.report.html import Failure, write_report
+from gearmon.report.html import Failure, _Charts, write_report
 from gearmon.report.text import indicator_definitions
 from gearmon.signatures.tracking import SPEED_REACH
 
@@ -86,6 +86,20 @@ def test_the_verdict_comes_first_in_words_and_colour(written):
     assert "healthy" in text
     assert "bad.csv: line 3: not a number" in text
     assert "#A63D00" in written[1]
+
+
+def test_the_settings_are_those_of_machine_and_analysis(written, faulty):
+    text = " ".join(" ".join(Page(written[1]).text).split())
+    signature, speed = faulty.analysis.signature, faulty.analysis.signature.speed
+    assert "Operating points 1200 rpm, 100 N·m " in text
+    assert f"Length {signature.duration_s:.4g} s at 4096 Hz " in text
+    assert "Channels front (m/s²), rear (" in text
+    assert f"Reference {'; '.join(faulty.reference.origins)} " in text
+    blocks, lines = signature.lines.amplitude.shape[::2]
+    assert f"{blocks} half-overlapped Hann blocks" in text
+    assert f"{lines} lines in {len(signature.plan.families)} families" in text
+    (mesh,) = signature.meshes
+    assert f"1 {23 * speed.estimated_hz:.3f} yes {mesh.snr_db:.1f} {mesh.score:.1f} " in text
 
 
 def test_names_are_escaped(written):
@@ -224,6 +238,16 @@ def test_the_charts_hold_what_was_measured_and_the_range_of_the_healthy(written,
             assert low[at] == pytest.approx(min(healthy), rel=1e-6)
             assert high[at] == pytest.approx(max(healthy), rel=1e-6)
             assert low[at] < high[at]
+        # wherever a healthy recording tells, the first line as any other
+        tells = {
+            round(float(own), 6)
+            for profile in reference.profiles
+            for wheel in profile.wheels
+            for own in wheel.number * wheel.order
+        }
+        ranged = [round(own, 6) in tells for own in lines["order"]]
+        assert np.isfinite(low).tolist() == np.isfinite(high).tolist() == ranged
+        assert ranged[0]
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -401,3 +425,39 @@ def test_lines_of_the_charts_are_told_by_family_number_and_change(written, fault
     assert kinds == sorted(kinds, key=["mesh", "sidebands", "other"].index)
     assert lines["groups"][0] == "mesh 1"
     assert {own["group"] for own in lines["families"]} == set(lines["groups"])
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_places_where_no_mesh_was_found_are_those_at_the_nominal_speed(tmp_path, gearless):
+    path = tmp_path / "report.html"
+    write_report([gearless.analysis], [gearless.recording], None, gearless.machine, path)
+    data, _ = chart_data(path.read_text("utf-8"))
+    lines, nominal = data["lines"], gearless.analysis.signature.speed.nominal_hz
+    assert data["speed_hz"] != pytest.approx(nominal, rel=1e-3)
+    hertz = data["speed_hz"] * np.array(lines["order"])
+    assert len(hertz) > 2
+    np.testing.assert_allclose(hertz, 23.0 * nominal * np.arange(1, len(hertz) + 1))
+    assert [own["name"] for own in lines["families"]][:2] == ["GMF1 ×1", "GMF1 ×2"]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_curves_of_several_recordings_share_the_points_of_one_down_to_an_eighth(tmp_path, gearless):
+    points = {}
+    for count in (1, 2, 10):
+        path = tmp_path / f"{count}.html"
+        given = [gearless.analysis] * count, [gearless.recording] * count
+        write_report(*given, None, gearless.machine, path)
+        points[count] = len(decoded(chart_data(path.read_text("utf-8"))[1]["spectrum"]["x"]))
+    assert 1000 < points[1] <= 4096
+    for count, shared in points.items():
+        assert shared == pytest.approx(points[1] / min(count, 8), rel=0.05)
+
+
+def test_a_silent_channel_has_a_place_on_a_scale_of_logarithms(healthy):
+    charts = _Charts(healthy.analysis, None, None, healthy.machine, 500)
+    values = np.array([np.linspace(0.0, 2.0, 400), np.zeros(400)])
+    chart = charts._spectrum("spectrum", "Hz", 1.0, np.arange(400.0), values)
+    loud, silent = (decoded(curve["values"]) for curve in chart["curves"])
+    assert (silent > 0).all()
+    assert silent.max() <= 1e-6 * loud.max()
+    assert (loud > 0).all()

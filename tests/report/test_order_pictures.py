@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from reference.small_gearbox import machine, recording
 
+from gearmon.report.curves import mark_label
 from gearmon.report.recording_plots import (
     average_figure,
     indicator_figure,
@@ -56,6 +57,36 @@ def test_map_keeps_every_line_and_is_calibrated(spectra):
     assert ax.get_xlim()[1] == pytest.approx(found.map.order[-1])
 
 
+@pytest.mark.parametrize("way", ["time", "speed"])
+def test_maps_of_several_channels_are_labelled_below_the_last(spectra, way):
+    figure, names = order_map_figure(spectra[way]), spectra[way].channel_names
+    assert len(names) == 2
+    maps = [ax for ax in figure.axes if ax.images]
+    assert [bool(ax.get_xlabel()) for ax in maps] == [False, True]
+    assert maps[1].get_xlabel().startswith("Order")
+    scales = [ax.get_ylabel() for ax in figure.axes if "amplitude" in ax.get_ylabel()]
+    assert [own.split("\n")[0] for own in scales] == list(names)
+
+
+def test_a_line_of_a_map_is_drawn_at_its_order(spectra):
+    """In more bins than there are columns: a column shows the highest of its own."""
+    found, count = spectra["time"], 3002
+    order, rows = np.arange(count) * found.map.order[1], len(found.map.amplitude)
+    lines = np.linspace(2, count - 1, rows).astype(int)
+    amplitude = np.full((*found.map.amplitude.shape[:2], count), 1e-3)
+    amplitude[np.arange(rows), :, lines] = 1.0
+    own = replace(found.map, amplitude=amplitude, order=order)
+    image = order_map_figure(replace(found, map=own)).axes[0].images[0]
+    drawn, (low, high, *_) = image.get_array(), image.get_extent()
+    bins = (count - 2) / drawn.shape[1]
+    assert bins > 2
+    row, column = np.nonzero(drawn == 1.0)
+    assert row.tolist() == list(range(rows))
+    place = (order[lines] - low) / (high - low) * drawn.shape[1] - column
+    assert place.min() >= -1 / bins
+    assert place.max() <= 1 + 1 / bins
+
+
 def test_strips_of_one_unit_share_a_scale_that_holds_them_all(spectra):
     found = spectra["time"]
     quiet = found.values.copy()
@@ -68,6 +99,15 @@ def test_strips_of_one_unit_share_a_scale_that_holds_them_all(spectra):
     # a channel of another unit has a scale of its own
     other = replace(alike, units=("g", *found.units[1:]))
     assert len({ax.get_ylim() for ax in order_figure(other).axes}) > 1
+
+
+def test_every_mesh_harmonic_of_a_spectrum_is_marked_up_to_its_end(spectra):
+    found = spectra["time"]
+    ax = order_figure(found).axes[0]
+    named = [mark_label(mark) for mark in found.marks if mark.kind == "mesh"]
+    assert len(named) >= 3
+    assert found.marks[-1].place > 0.7 * found.place[-1]
+    assert set(named) <= {text.get_text() for text in ax.texts}
 
 
 def test_speeds_never_driven_are_grey_and_said_so(spectra):
@@ -125,6 +165,18 @@ def test_indicators_say_what_is_dashed():
         dashed = [line.get_ydata()[0] for line in ax.lines if line.get_linestyle() == "--"]
         moment = [math.prod(range(1, orders[name], 2))] if name in orders else []
         assert dashed == moment, name
+
+
+@pytest.mark.parametrize("count", [1, 4, 5, 8, 9])
+def test_panels_of_indicators_fill_every_row_but_the_last(count):
+    table = indicator_table(recording(), machine())
+    kinds = list(dict.fromkeys((row.indicator, row.input.split(",")[0]) for row in table.rows))
+    kept = [r for r in table.rows if (r.indicator, r.input.split(",")[0]) in kinds[:count]]
+    figure = indicator_figure(replace(table, rows=tuple(kept)))
+    assert len(figure.axes) == count
+    grid = figure.axes[0].get_gridspec()
+    assert grid.ncols == 4
+    assert grid.nrows == math.ceil(count / 4)
 
 
 def test_every_indicator_of_the_table_is_defined():

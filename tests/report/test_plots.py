@@ -66,6 +66,18 @@ def test_labels_are_spread_within_the_axis(count):
     assert np.all(np.diff(places) >= min(0.02, 1 / max(1, count - 1)) - 1e-12)
 
 
+def test_a_legend_names_what_has_data_each_once():
+    figure, (above, below) = stack([1.0, 1.0])
+    above.plot([1, 2], label="measured")
+    above.plot([], label="changed")
+    below.plot([3, 4], label="measured")
+    below.bar([1, 2], [3, 4], label="healthy")
+    below.plot([5, 6])
+    legend(figure, [above, below])
+    (found,) = figure.legends
+    assert [text.get_text() for text in found.get_texts()] == ["measured", "healthy"]
+
+
 # Formulas that matplotlib would refuse to draw, and one that it would draw as something else.
 NAMES = ["US$ mill", "$", "$$", r"$\frac{", "cost$_gear$", "a^{$", r"$\bad$"]
 

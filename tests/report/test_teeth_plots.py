@@ -11,7 +11,7 @@ from gearmon.gears.faults import parse_fault
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.tooth_pairs import teeth_of
 from gearmon.machine import ParallelStage
-from gearmon.report.teeth_plots import half_profile, plot_flank, teeth_picture
+from gearmon.report.teeth_plots import half_profile, plot_flank, plot_teeth, teeth_picture
 
 STAGE = ParallelStage(
     pinion_teeth=26,
@@ -48,6 +48,18 @@ def test_teeth_and_spaces_of_the_picture_are_equally_wide_on_the_reference_circl
         share = over[last] / (over[last] - over[last + 1])
         crossed = angle[last] + share * (angle[last + 1] - angle[last])
         assert np.abs(np.diff(crossed)) == pytest.approx(np.full(9, np.pi / tooth.teeth), rel=1e-3)
+
+
+def test_bodies_are_filled_on_the_side_of_their_centres():
+    picture = teeth_picture(teeth_of(mesh_pairs(STAGE)[0]))
+    ax = Figure().add_subplot()
+    plot_teeth(picture, ax)
+    below, above = (patch.get_path().vertices[:, 1] for patch in ax.patches[:2])
+    one, two = (gear.outline[:, 1] for gear in picture.gears)
+    assert below.max() == one.max()
+    assert below.min() < one.min() - np.ptp(one)
+    assert above.min() == two.min()
+    assert above.max() > two.max() + np.ptp(two)
 
 
 def test_the_loaded_tooth_stands_in_the_middle_of_five():

@@ -85,6 +85,21 @@ def test_what_lies_beyond_a_slow_slip_is_left_out(periods):
     assert told.track.uncertainty_turns * order < 0.05
 
 
+@pytest.mark.parametrize("amount", [0.2, -0.3])
+def test_what_lies_beyond_a_drowned_part_of_a_ramp_is_left_out(amount):
+    """Of a speed that was followed far from nominal as of a steady one."""
+    case = drowned(make_case(0, law="ramp", amount=amount, rate=4000.0), 6.0, 3.0)
+    found = track_recording(case.recording, case.machine)
+    assert any("the speed was followed" in note for note in found.notes)
+    time = np.arange(0, len(case.turns), 40) / case.recording.sampling_rate_hz
+    error = found.track.turns_at(time) - case.turns[::40]
+    start, stop = found.held_s
+    inside = (time >= start) & (time <= stop)
+    assert stop - start > 0.5 * case.recording.duration_s
+    assert np.std(error[inside]) < 2 * found.track.uncertainty_turns
+    assert np.std(error) * float(kinematics(case.machine).meshes[0].order) > 1.0
+
+
 def test_an_angle_that_slips_slowly_in_the_middle_is_doubtful():
     order, told = told_of(drowned(make_case(0, amount=0.002), 3.0, 5.0), -9, 3.0, 5.0)
     (note,) = told.notes

@@ -128,6 +128,15 @@ def test_speed_and_mesh_are_right(signature):
     assert signature.found
 
 
+@pytest.mark.parametrize("noise", [0.05, 0.2])
+def test_a_mesh_stands_above_white_noise_by_its_clearest_harmonic(noise):
+    """A Hann block of n samples leaves 6 sigma^2/n of the noise at a line, by squared amplitude."""
+    found = measure_signature(modulated(noise), MACHINE)
+    samples = RATE * found.lines.block_turns / SPEED
+    expected = 10 * np.log10(max(MESH.values()) ** 2 * samples / (6 * noise**2))
+    assert found.meshes[0].snr_db == pytest.approx(expected, abs=0.5)
+
+
 def test_ten_times_the_signal_is_twenty_decibels_more(signature):
     louder = measure_signature(modulated(factor=10.0), MACHINE)
     np.testing.assert_allclose(louder.level_db, signature.level_db + 20, atol=0.01)
@@ -675,3 +684,34 @@ def test_speed_and_angle_are_found_far_from_nominal_without_a_tachometer(name, r
     error = turns - np.arange(len(turns))
     mesh = max(one.order for one in kinematics(machine).meshes)
     assert np.quantile(np.abs(error - np.median(error)), 0.9) * mesh < 0.1
+
+
+@pytest.mark.parametrize("speeds", [(1500.0,), (1500.0, 600.0)])
+@pytest.mark.parametrize(("rate", "shown"), [(26.0, False), (47.0, False), (50.0, True)])
+def test_a_rate_below_two_samples_a_turn_of_the_fastest_point_is_refused(speeds, rate, shown):
+    """Of 25 Hz, 3 % slower at most."""
+    noise = white((1, round(60 * rate)), 1.0, seed=1)
+    given = Recording(samples=noise, sampling_rate_hz=rate, origin="slow.csv")
+    known = one_pair(23, 46, *speeds)
+    try:
+        measure_signature(given, known)
+        told = ""
+    except RecordingError as error:
+        told = str(error)
+    assert ("show nothing of a shaft at 25 Hz" in told) == (not shown)
+
+
+@pytest.mark.parametrize("speeds", [(1500.0,), (1500.0, 60.0), (60.0, 1500.0)])
+@pytest.mark.parametrize("share", [0.98, 1.02])
+def test_two_turns_of_the_slowest_shaft_at_the_slowest_point_are_needed(speeds, share):
+    """The wheel turns at half the speed; what is slow is asked whether it is told in Hz."""
+    slowest_hz = 0.5 * min(speeds) / 60
+    noise = white((1, round(share * 2 / slowest_hz * 2000)), 1.0, seed=1)
+    given = Recording(samples=noise, sampling_rate_hz=2000.0, origin="short.csv")
+    if share < 1:
+        with pytest.raises(RecordingError, match="two turns need") as told:
+            measure_signature(given, one_pair(23, 46, *speeds))
+        asked = "speed_rpm is 60 turns a minute: did you mean 3600 (60 Hz)?"
+        assert (asked in str(told.value)) == (min(speeds) == 60)
+    else:
+        measure_signature(given, one_pair(23, 46, *speeds))

@@ -149,6 +149,33 @@ def test_the_envelope_is_that_of_the_band_with_the_highest_kurtosis_of_all_chann
     assert note.startswith(f"band {low:.6g} to {high:.6g} Hz")
 
 
+def test_what_repeats_stands_at_its_rate_in_the_envelope_and_at_its_period_in_the_cepstrum():
+    """A tone swelling by half at 37.5 Hz, and knocks 80 samples apart."""
+    time = np.arange(8192) / RATE
+    swelling = 2.0 * (1 + 0.5 * np.cos(2 * np.pi * 37.5 * time)) * np.cos(2 * np.pi * 1000 * time)
+    knocks = np.sin(0.9 * np.arange(40)) * np.exp(-np.arange(40) / 8)
+    knocking = np.convolve(np.arange(8192) % 80 == 0, knocks)[:8192]
+    both = Recording(samples=np.stack([swelling, knocking]), sampling_rate_hz=RATE)
+    found = recording_spectrum(both, "envelope", band=(800.0, 1200.0), most_peaks=1).peaks[0]
+    assert found["frequency_hz"] == pytest.approx(37.5, abs=0.01)
+    assert found["value"] == pytest.approx(1.0, rel=1e-3)
+    found = recording_spectrum(both, "cepstrum", most_peaks=1).peaks[1]
+    assert found["quefrency_s"] == pytest.approx(80 / RATE, abs=0.1 / RATE)
+
+
+def test_the_peak_of_a_kurtogram_is_its_highest_row_and_holds_the_knocks():
+    rng = np.random.default_rng(3)
+    knock = np.exp(-np.arange(200) / 50.0) * np.sin(2 * np.pi * 700.0 * np.arange(200) / RATE)
+    samples = 0.1 * rng.standard_normal(16384)
+    for start in rng.integers(0, 16000, 12):
+        samples[start : start + 200] += knock
+    found = recording_spectrum(Recording(samples=samples[None], sampling_rate_hz=RATE), "kurtogram")
+    (peak,) = found.peaks
+    assert peak["low_hz"] < 700.0 < peak["high_hz"]
+    highest = max(found.rows(), key=lambda row: row["kurtosis"])
+    assert {name: highest[name] for name in peak} == peak
+
+
 def test_orders_are_shown_to_a_tenth_above_the_eighth_harmonic_of_the_fastest_mesh():
     """Of a train of a slow mesh and a fast one, where the sampling rate allows."""
     train = two_stages()

@@ -461,3 +461,32 @@ def test_gears_that_turn_faster_or_slower_than_learned_are_refused(share):
     other = replace(known, profiles=(replace(first, wheels=moved), *others))
     with pytest.raises(ArgumentError, match="learn one for this machine"):
         machine_notes(machine(), other)
+
+
+def lacking(known):
+    """References that no learning makes, by what a reader names of them."""
+    first, *others = known.profiles
+
+    def of_first(**changes):
+        return replace(known, profiles=(replace(first, **changes), *others))
+
+    wheel, *more = first.wheels
+    one_beside = {"beside": wheel.amplitude[None], "beside_variance": wheel.variance[None]}
+    empty = first.foreign.in_time_db[:, :0]
+    yield "channels", replace(known, channel_names=2 * known.channel_names[:1])
+    yield "recordings", replace(known, profiles=())
+    yield "recordings", replace(known, family_names=())
+    yield "gears", of_first(wheels=first.wheels[1:])
+    yield "gears", replace(known, profiles=tuple(replace(p, wheels=()) for p in known.profiles))
+    yield "families", of_first(family_names=("mesh 7", *first.family_names[1:]))
+    yield "spectra", of_first(foreign=replace(first.foreign, grids=first.foreign.grids[::-1]))
+    yield "spectra", of_first(foreign=replace(first.foreign, in_time_db=empty))
+    yield "lines beside", of_first(wheels=(replace(wheel, **one_beside), *more))
+
+
+def test_a_reference_whose_recordings_lack_a_part_is_refused_by_its_name(tmp_path):
+    path = tmp_path / "bad.ref"
+    for name, wrong in lacking(reference()):
+        write_reference(wrong, path)
+        with pytest.raises(SignatureError, match=f"its {name} cannot be"):
+            read_reference(path)

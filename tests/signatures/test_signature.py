@@ -68,6 +68,16 @@ def test_any_number_survives(tmp_path, numbers, suffix):
     same(read_signature(tmp_path / f"s{suffix}"), written)
 
 
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_suffix_in_capitals_means_the_same(tmp_path, suffix):
+    path, plain = tmp_path / f"s{suffix.upper()}", tmp_path / f"t{suffix}"
+    for own in (path, plain):
+        write_signature(signature(), own)
+        same(read_signature(own), signature())
+    if suffix != ".parquet":
+        assert path.read_bytes() == plain.read_bytes()
+
+
 def test_csv_is_commented_header_and_rows(tmp_path):
     write_signature(signature(2), tmp_path / "s.csv")
     lines = (tmp_path / "s.csv").read_text(encoding="utf-8").splitlines()
@@ -175,6 +185,18 @@ def test_other_files_are_refused(tmp_path):
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00binary")
     with pytest.raises(SignatureError, match="damaged one"):
         read_signature(tmp_path / "b.csv")
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_table_of_something_else_is_told_by_what_is_missing(tmp_path, suffix):
+    path, table = tmp_path / f"other{suffix}", {"a": [1.0, 2.0]}
+    if suffix == ".parquet":
+        parquet = pytest.importorskip("pyarrow.parquet")
+        parquet.write_table(pytest.importorskip("pyarrow").table(table), path)
+    else:
+        path.write_text("a\n1\n2\n" if suffix == ".csv" else json.dumps(table), encoding="utf-8")
+    with pytest.raises(SignatureError, match=r"it must say format .*, and says None\)$"):
+        read_signature(path)
 
 
 def test_parquet_without_its_library_says_what_to_install(tmp_path, monkeypatch):

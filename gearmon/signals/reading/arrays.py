@@ -433,7 +433,9 @@ def _of_frame(frame: Any) -> Holding:
     columns = [(str(name), frame.iloc[:, number]) for number, name in enumerate(frame.columns)]
     if _kind(frame.index) in _NUMBERS and type(frame.index).__name__ != "RangeIndex":
         columns.append((str(frame.index.name or "time"), frame.index.to_series()))
-    taken = [(name, own) for name, own in columns if _kind(own) in _NUMBERS]
+    # one row is no signal, and of none there is no first moment
+    long = len(frame) > 1
+    taken = [(name, own) for name, own in columns if long and _kind(own) in _NUMBERS]
     rows = [floats(own) for _, own in taken]
     array = Array(
         names=tuple(name + "_ns" * (_kind(own) in _MOMENTS) for name, own in taken),
@@ -441,7 +443,7 @@ def _of_frame(frame: Any) -> Holding:
         read=lambda start, stop: np.array([row[start:stop] for row in rows]),
     )
     others = [(name, None) for name, own in columns if _kind(own) not in _NUMBERS]
-    told = [("", array)] if rows and len(frame) > 1 else []
+    told = [("", array)] if rows else []
     holding = Holding.of_channels([*told, *others], {})
     return replace(holding, path="DataFrame", what=f"a frame of shape {frame.shape}")
 

@@ -110,13 +110,15 @@ def test_scale_does_not_matter(factor):
     np.testing.assert_allclose(other.amplitude, factor * one.amplitude, rtol=1e-9)
 
 
-def test_a_recording_of_a_few_turns_is_heard():
+def test_a_recording_of_a_few_turns_is_heard_in_blocks_of_a_quarter_of_it():
     samples, _ = recording(wander=0.0)
     short = samples[:, :900]
     track = constant_track(SPEED, 899 / RATE)
     found = OrderSums(short, RATE, ORDERS).sliding(track, 4.0)
     assert np.isfinite(found.amplitude).all()
     assert found.angle[-1] < 900 / RATE * SPEED
+    hop = 899 / RATE * SPEED / 16
+    np.testing.assert_allclose(np.diff(found.angle)[2:-2], hop, rtol=0.02)
 
 
 @given(st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=40))

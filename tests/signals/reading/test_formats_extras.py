@@ -6,6 +6,7 @@ import logging
 import os
 import signal
 import sys
+from decimal import Decimal
 
 import numpy as np
 import pytest
@@ -298,6 +299,26 @@ class TestParquet:
         assert found.units == ("m/s2", "m/s2")
         assert np.array_equal(found.samples, [X[0] * 9.80665, X[1].astype("f4")])
         assert "text (string) holds no numbers: left out" in found.notes
+
+    def test_numbers_of_every_type_are_channels(self, tmp_path):
+        pyarrow = pytest.importorskip("pyarrow")
+        parquet = pytest.importorskip("pyarrow.parquet")
+        path, counts = tmp_path / "a.parquet", np.rint(100 * X[0]).astype(int)
+        types = "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"
+        kinds = [getattr(pyarrow, name)() for name in (*types, "float16", "float32", "float64")]
+        kinds += [pyarrow.decimal128(9, 3), pyarrow.decimal256(50, 2)]
+        whole = np.abs(counts)
+        table = {
+            str(kind): [Decimal(int(n)) for n in whole]
+            if pyarrow.types.is_decimal(kind)
+            else whole.astype(kind.to_pandas_dtype())
+            for kind in kinds
+        }
+        schema = pyarrow.schema([(str(kind), kind) for kind in kinds])
+        parquet.write_table(pyarrow.table(table, schema=schema), path)
+        found = read_recording(path, 5000.0)
+        assert len(found.samples) == len(kinds)
+        np.testing.assert_array_equal(found.samples, np.tile(whole, (len(kinds), 1)))
 
     def test_time_stamps(self, tmp_path):
         pytest.importorskip("pyarrow")

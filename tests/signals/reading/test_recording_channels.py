@@ -6,9 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import describe_columns, find_defect
+from gearmon.signals.reading.columns import (
+    LONGEST_QUOTE,
+    describe_columns,
+    find_defect,
+    shortened,
+)
 from gearmon.signals.recording import read_recording
 from gearmon.units import acceleration_factor, time_factor
 
@@ -28,8 +35,8 @@ def write(tmp_path):
     def written(names, values=None, units=""):
         count = len(names.split(","))
         samples = np.random.default_rng(7).normal(size=(500, count)).round(5)
-        for column, given in (values or {}).items():
-            samples[:, column] = given
+        for column, own in (values or {}).items():
+            samples[:, column] = own
         lines = [",".join(f"{value:.5f}" for value in row) + "\n" for row in samples]
         path = tmp_path / "recording.csv"
         path.write_text(f"{names}\n{units}" + "".join(lines), encoding="utf-8")
@@ -288,3 +295,59 @@ def test_a_sensor_brings_no_channel_in_that_is_not_named(write):
     sensors = [Sensor("a1", "g"), Sensor("a2", "g"), Sensor("tacho", kind="tacho")]
     recording = read_recording(write("a1,a2,tacho"), 1000.0, ["a1"], sensors=sensors)
     assert recording.channel_names == ("a1", "tacho")
+
+
+@pytest.mark.parametrize("length", [LONGEST_QUOTE, LONGEST_QUOTE + 1])
+def test_a_long_sentence_above_one_column_is_no_name(tmp_path, length):
+    path, line = (
+        tmp_path / "a.csv",
+        2 * "taken while it rained and nobody looked so ",
+    )
+    numbers = np.random.default_rng(7).normal(size=99)
+    path.write_text("\n".join([line[:length], *map(str, numbers)]) + "\n")
+    found = read_recording(path, 5000.0)
+    np.testing.assert_array_equal(found.samples[0], numbers)
+    assert (found.channel_names == ("column 1",)) == (length > LONGEST_QUOTE)
+
+
+@example("a" * LONGEST_QUOTE)
+@example("a" * LONGEST_QUOTE + "b")
+@given(st.text(max_size=3 * LONGEST_QUOTE))
+def test_what_a_message_quotes_is_short_and_says_whether_it_is_all(text):
+    whole = "".join(own if own.isprintable() else "?" for own in text)
+    shown = shortened(text)
+    assert len(shown) <= LONGEST_QUOTE
+    assert shown == whole if len(text) <= LONGEST_QUOTE else shown.endswith("...")
+    assert whole.startswith(shown.removesuffix("..."))
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize(
+    ("head", "named"),
+    [
+        (["a1", "a2", "a3"], ("a1", "a2", "a3")),
+        (["a1", "a2", ""], ("a1", "a2", "column 3")),
+        (["a1", "", ""], ("a1", "column 2", "column 3")),
+        (["a1", "", "a3"], ("a1", "column 2", "a3")),
+        (["a1", "a2", "a3", "Comment"], ("a1", "a2", "a3")),
+    ],
+)
+def test_names_stand_above_their_columns_even_if_some_are_empty(tmp_path, head, named, separator):
+    path, rows = tmp_path / "a.csv", np.random.default_rng(7).normal(size=(99, 3))
+    lines = [separator.join(head), *(separator.join(map(str, row)) for row in rows)]
+    path.write_text("\n".join(lines) + "\n")
+    found = read_recording(path, 5000.0)
+    assert found.channel_names == named
+    np.testing.assert_array_equal(found.samples, rows.T)
+
+
+@pytest.mark.parametrize("count", [49, 50])
+def test_fifty_rows_without_a_nought_are_two_columns_of_whole_numbers(tmp_path, count):
+    """Of so many decimals one in ten would begin with it."""
+    path, rows = tmp_path / "a.csv", np.random.default_rng(7).integers(10, 100, (count, 2))
+    path.write_text("".join(f"{one},{other}\n" for one, other in rows))
+    if count < 50:
+        with pytest.raises(RecordingError, match="may be one column with decimal commas or two"):
+            read_recording(path, 5000.0)
+    else:
+        np.testing.assert_array_equal(read_recording(path, 5000.0).samples, rows.T)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime, timedelta
+
 import numpy as np
 import pytest
 
@@ -274,3 +276,21 @@ def test_a_clock_that_was_set_back_is_told_before_the_leap_that_went_ahead():
     stamps[10] += 0.5
     found = spacing(stamps)
     assert (found.fault, found.row) == ("irregular: 0.011 comes after 0.51", 11)
+
+
+@pytest.mark.parametrize("step_s", [1.0, 0.1, 1e-3])
+@pytest.mark.parametrize("factor", [None, 1.0, 1e-3, 1e3, 2.0])
+def test_written_moments_tell_seconds_whatever_rate_is_given(tmp_path, step_s, factor):
+    path, begin = tmp_path / "a.csv", datetime(2024, 5, 1, tzinfo=UTC)
+    moments = [(begin + timedelta(seconds=n * step_s)).isoformat(" ") for n in range(60)]
+    values = np.random.default_rng(3).normal(size=60)
+    rows = [f"{own},{value}" for own, value in zip(moments, values, strict=True)]
+    path.write_text("\n".join(["stamp,a1", *rows]) + "\n")
+    given = None if factor is None else factor / step_s
+    if factor in (None, 1.0):
+        found = read_recording(path, given)
+        assert found.sampling_rate_hz == pytest.approx(1 / step_s, rel=1e-6)
+        assert found.notes == ()
+    else:
+        with pytest.raises(RecordingError, match=f"say {1 / step_s:.7g} Hz, but {given:.7g} Hz"):
+            read_recording(path, given)

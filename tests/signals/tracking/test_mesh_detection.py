@@ -11,7 +11,7 @@ from reference.synthetic_signals import constant_track, lines_on, wandering_turn
 
 from gearmon.signals.orders import InAngle, fine_order_spectrum
 from gearmon.signals.tracking import MeshComb, MeshEvidence, SpeedScan, mesh_evidence
-from gearmon.signals.tracking.mesh_detection import combined_comb, sideband_spacing
+from gearmon.signals.tracking.mesh_detection import _Lines, combined_comb, sideband_spacing
 
 RATE, NOMINAL, DURATION = 4000.0, 25.0, 6.0
 TIME = np.arange(int(DURATION * RATE)) / RATE
@@ -261,6 +261,16 @@ def test_spectrum_without_any_spread_is_no_mismatch():
     spectrum = SimpleNamespace(quality=np.zeros(10_000), step=0.01)
     told = sideband_spacing(spectrum, parallel(23, 61), 1.0, 0.03)
     assert (told.excess, told.departure) == (0.0, 0.0)
+
+
+def test_bins_are_averaged_so_that_a_line_counts_by_its_power_however_it_is_spread():
+    heights = []
+    for spread in (1, 2, 4):
+        snr = np.zeros(400)
+        snr[200 : 200 + spread] = 80.0 / spread
+        lines = _Lines(np.log1p(snr), SimpleNamespace(step=0.01, width=0.02), 4)
+        heights.append(lines.at(np.array([2.0])))
+    np.testing.assert_allclose(heights, np.log1p(80.0 / 4), rtol=1e-12)
 
 
 def test_a_mesh_with_few_decoys_in_the_band_is_not_judged():

@@ -16,6 +16,7 @@ from reference.synthetic_signals import (
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.orders import OrderSums
+from gearmon.signals.orders.lines import SlidingLines
 from gearmon.signals.tracking import (
     MeshComb,
     SpeedScan,
@@ -25,7 +26,7 @@ from gearmon.signals.tracking import (
     lock_track,
 )
 from gearmon.signals.tracking.mesh_detection import combined_comb
-from gearmon.signals.tracking.phases import roughness
+from gearmon.signals.tracking.phases import _unwound, roughness
 from gearmon.signatures.measured.measurement import measure_signature
 
 RATE, DURATION = 4000.0, 10.0
@@ -178,3 +179,16 @@ def test_phase_of_a_simulated_machine_is_right_to_two_per_cent_of_a_mesh_period(
     two_stage_recording,
 ):
     check_simulated(two_stage_recording)
+
+
+@pytest.mark.parametrize("most", [0.0, 0.004])
+@pytest.mark.parametrize("wrong", [0, 1, 2])
+def test_lines_without_noise_tell_the_angle_against_a_minority_that_tells_another(wrong, most):
+    """Of five lines, in blocks a turn apart; lines of another machine advance otherwise."""
+    rng, orders = np.random.default_rng(4), np.array([20.0, 21.0, 22.0, 23.0, 24.0])
+    error = np.concatenate([[0.0], np.cumsum(rng.uniform(-most, most, 60))])
+    turned = np.outer(error, orders)
+    turned[:, :wrong] -= 0.3 * np.arange(61)[:, None]
+    amplitude = np.array([1.0, 3.0, 0.1, 2.0, 1.0]) * np.exp(2j * np.pi * turned)
+    lines = SlidingLines(angle=np.arange(61.0), orders=orders, amplitude=amplitude)
+    np.testing.assert_allclose(_unwound(lines), error, atol=1e-9)
