@@ -348,13 +348,18 @@ def test_ball_bearings_by_hertz():
     balls = {"balls": 9, "ball_diameter_mm": 12.0, "pitch_diameter_mm": 58.0}
     held = [{"name": name, "shaft": 1} | balls for name in ("a", "b")]
     machine = {"operating": POINT, "stage": PAIR, "bearing": held}
+    # a shaft without sections is rigid across its axis, as in `gearmon.simulate`
+    rigid = gearmon.modes(machine)
+    assert [mode.type for mode in rigid.rows] == ["rigid body", "rotational"]
+    machine["shaft"] = {"shaft": 1, "length_mm": 100.0, "diameter_mm": 30.0}
     pair_force = 100.0 / (0.5 * 23 * 2.5e-3 * math.cos(math.radians(20)))
     stiffness = 13e6 * (81 * 0.012 * pair_force / 2) ** (1 / 3)
     springs = drive_train(gearmon.load_machine(machine)).springs
-    assert springs[0].stiffness[0, 0] == pytest.approx(stiffness)
+    held_by = [own.stiffness[0, 0] for own in springs if own.part.startswith("bearing")]
+    assert held_by == pytest.approx([stiffness, stiffness])
     # without torque there is no load to tell it
-    free = gearmon.modes(machine | {"operating": {"speed_rpm": 1500.0}})
-    assert [mode.type for mode in free.rows] == ["rigid body", "rotational"]
+    free = drive_train(gearmon.load_machine(machine | {"operating": {"speed_rpm": 1500.0}}))
+    assert not [own for own in free.springs if own.part.startswith("bearing")]
 
 
 @settings(max_examples=40, deadline=None)
