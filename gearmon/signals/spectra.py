@@ -718,8 +718,7 @@ def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:
         mean[group], square[group] = power.mean(axis=-1), (power**2).mean(axis=-1)
     # an empty band has no kurtosis; rounding noise beside strong bands must not be taken for one
     silent = mean <= 1e-24 * mean.max(initial=0.0)
-    ratio = np.divide(square, mean**2, out=np.full(count, 2.0), where=~silent)
-    return np.asarray(ratio - 2.0)
+    return np.asarray(np.divide(square, mean**2, out=np.full(count, 2.0), where=~silent) - 2.0)
 
 
 def real_cepstrum(samples: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:

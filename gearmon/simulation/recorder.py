@@ -138,8 +138,7 @@ def simulate(
 
     Notes
     -----
-    The machine is the elastic system of `gearmon.modes`, but that a bearing which tells only its
-    balls is rigid unless its shaft has sections, in its modes up to the sampling rate and
+    The machine is the elastic system of `gearmon.modes` in its modes up to the sampling rate and
     those by which it yields to mesh forces beyond: ``p'' + C p' + K p = G u(t) - V' s`` with
     ``s = sum_p k_p(theta) max(0, d - e_p) + c d'``, never below zero, for every mesh with its
     deflection d = V p beyond the runout of its gears; k_p is the parabolic stiffness of pair p

@@ -421,8 +421,7 @@ class _Lines:
 
     def on(self, orders: FloatArray, spacing: float) -> BoolArray:
         """Which orders are multiples of a spacing."""
-        away = np.abs(orders - spacing * np.rint(orders / spacing))
-        return np.asarray(away <= 1.5 * self.width)
+        return np.asarray(np.abs(orders - spacing * np.rint(orders / spacing)) <= 1.5 * self.width)
 
     def standing(self, orders: FloatArray, shafts: Orders, combs: Orders) -> FloatArray:
         """How far lines stand above those a few turns of any shaft away that are on no comb."""

@@ -330,8 +330,7 @@ def is_even(time_s: FloatArray, per_turn: int) -> bool:
     """
     if len(time_s) < 3 * per_turn + 1:
         # too few turns to see intervals repeat
-        ratio = np.diff(np.log(np.diff(time_s)))
-        return bool(np.median(np.abs(ratio)) < 2 * _EVEN)
+        return bool(np.median(np.abs(np.diff(np.log(np.diff(time_s))))) < 2 * _EVEN)
     _, shares = _repeating(time_s, per_turn)
     return bool(np.max(np.abs(shares * per_turn - 1)) < _EVEN)
 
@@ -674,5 +673,4 @@ def _smoothed(x: FloatArray, y: FloatArray, order: int, least: float = 0.0) -> F
         determinant = 2 * np.log(root[0]).sum() - free * np.log(stiff)
         found.append((free * np.log(misfit) + determinant, curve))
     likeliest = min(found, key=lambda one: one[0])
-    believed = likeliest[0] + _DRIFT < found[-1][0]
-    return np.asarray(plain + likeliest[1] if believed else plain)
+    return np.asarray(plain + likeliest[1] if likeliest[0] + _DRIFT < found[-1][0] else plain)

@@ -16,7 +16,13 @@ from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import OrderSums
 from gearmon.signals.tracking import check_slips
 from gearmon.signals.tracking.comb import Comb
-from gearmon.signals.tracking.phases import LostStretch, _led_over, _stretches, mend_slips
+from gearmon.signals.tracking.phases import (
+    LostStretch,
+    SlipCheck,
+    _led_over,
+    _stretches,
+    mend_slips,
+)
 from gearmon.signatures.speed_channels import track_recording
 
 RATE, DURATION, SPEED = 5000.0, 12.0, 25.0
@@ -166,6 +172,19 @@ def test_noise_holds_no_angle():
     assert not check.locked
     assert check.lost[0].turns > 0.95 * SPEED * DURATION
     assert check.typical_turns() > 1.0
+
+
+@pytest.mark.parametrize(
+    ("slipped", "blocks", "told"), [(0.0, 3, 1e-3), (None, 3, 8e-3), (0.0, 50, 35e-3)]
+)
+def test_a_short_loss_that_does_no_harm_makes_no_angle_doubtful(slipped, blocks, told):
+    time_s, doubt = 0.05 * np.arange(200), np.full(200, 1e-3)
+    doubt[100 : 100 + blocks] = 0.07
+    lost = LostStretch(
+        start_s=time_s[100], end_s=time_s[99 + blocks], turns=1.0, slipped_turns=slipped
+    )
+    check = SlipCheck(time_s=time_s, coherence=np.ones(200), uncertainty_turns=doubt, lost=(lost,))
+    assert check.typical_turns() == pytest.approx(told, rel=0.1)
 
 
 def test_the_scale_of_the_samples_does_not_matter():
