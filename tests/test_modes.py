@@ -421,6 +421,15 @@ SHAFT = "[[shaft]]\nshaft = 1\nlength_mm = 100.0\ndiameter_mm = 30.0\n"
             '[[bearing]]\nname = "b"\nshaft = 1\nballs = 9',
             "bearing[1].ball_diameter_mm is missing; give all of balls, ball_diameter_mm",
         ),
+        (
+            '[[bearing]]\nname = "b"\nshaft = 1\nstiffness_n_per_m = 1e8\nroller_length_mm = 9.0',
+            "bearing[1].balls is missing; give all of balls, ball_diameter_mm, pitch_diameter_mm, "
+            "or stiffness_n_per_m and no rolling elements",
+        ),
+        (
+            '[[bearing]]\nname = "b"\nshaft = 1\nstiffness_n_per_m = 1e8\nroller_length_mm = -9.0',
+            "bearing[1].roller_length_mm = -9.0 must lie in (0, 500] mm",
+        ),
         ('[[bearing]]\nname = "b"\nshaft = 1\nstiffness_n_per_m = 1.0', "stiffness_n_per_m = 1.0"),
         ("fixed_support_n_per_m = 1e8", "it belongs to [[stage]] with kind"),
     ],

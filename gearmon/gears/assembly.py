@@ -97,7 +97,7 @@ def drive_train(
         its gears, a bearing without stiffness is rigid; one that tells its rolling elements yields
         by Hertz under planets and shafts with sections.
     point : OperatingPoint, optional
-        Its torque loads the teeth and the ball bearings; by default the machine's first.
+        Its torque loads the teeth and the bearings; by default the machine's first.
     form : str
         Of the stiffness curve, see `mesh_stiffness`.
 
@@ -269,10 +269,11 @@ class _Assembly:
         """Let a shaft move across its axis, as far as its bearings let it."""
         number, bearings, bends = line.number, line.bearings, line.bends
         meshing = [self.forces[i] for i, _ in self.gears(number) if len(self.pairs[i]) == 1]
-        load = sum(abs(force) for force in meshing if force) / max(1, len(bearings))
         # without sections the path to the sensors has their softness; and by Hertz, with no damper
         # told, a sound simulated pair at half load swung at 1.5 times its mesh
-        load *= any(own.shaft == number for own in self.machine.sections)
+        if not any(own.shaft == number for own in self.machine.sections):
+            meshing = []
+        load = sum(abs(force) for force in meshing if force) / max(1, len(bearings))
         springs = [(at, own, self.bearing_stiffness(own, load)) for at, own in bearings]
         stiff = [at for at, _, stiffness in springs if stiffness is None]
         if bends and not bearings:
@@ -303,11 +304,12 @@ class _Assembly:
             self.notes.append(f"bearing {bearing.name} is rigid: it has no stiffness_n_per_m")
             return None
         cosine = math.cos(math.radians(bearing.contact_angle_deg))
-        root = bearing.balls**2 * 1e-3 * bearing.ball_diameter_mm * load_n * cosine**5
-        kind, found = "ball", BALL_BEARING * float(np.cbrt(root))
         if bearing.roller_length_mm:
             lines = bearing.balls**0.9 * (1e-3 * bearing.roller_length_mm) ** 0.8
-            kind, found = "roller", ROLLER_BEARING * lines * load_n**0.1 * cosine**1.9
+            kind, found = "roller", float(ROLLER_BEARING * lines * load_n**0.1 * cosine**1.9)
+        else:
+            root = bearing.balls**2 * 1e-3 * bearing.ball_diameter_mm * load_n * cosine**5
+            kind, found = "ball", BALL_BEARING * float(np.cbrt(root))
         source = f"a {kind} bearing's by Hertz at {load_n:.4g} N"
         self.notes.append(f"bearing {bearing.name}: {found:.3g} N/m, {source}")
         return found

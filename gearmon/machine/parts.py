@@ -131,12 +131,12 @@ class Bearing:
         if self.planet_stage is not None and self.position_mm is not None:
             raise FieldError("position_mm", "is for bearings of a shaft", self.position_mm)
         missing = [name for name in BALLS if getattr(self, name) is None]
-        told = self.stiffness_n_per_m is not None and self.roller_length_mm is None
-        if missing == list(BALLS) and told:
+        rolls = len(missing) < len(BALLS) or self.roller_length_mm is not None
+        if self.stiffness_n_per_m is not None and not rolls:
             return
         if self.balls is None or self.ball_diameter_mm is None or self.pitch_diameter_mm is None:
-            needed = "is missing; give all of " + ", ".join(BALLS)
-            raise FieldError(missing[0], f"{needed}, or stiffness_n_per_m and none of them")
+            told = "is missing; give all of " + ", ".join(BALLS)
+            raise FieldError(missing[0], f"{told}, or stiffness_n_per_m and no rolling elements")
         pitch_mm, why = self.pitch_diameter_mm, "less than pitch_diameter_mm"
         limit(self, "ball_diameter_mm", 0, pitch_mm, "mm", why, open_high=True)
         most = math.floor(math.pi / math.asin(self.ball_diameter_mm / pitch_mm) + 1e-9)
