@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import spence, stdtr
+from scipy.special import pdtrc, spence, stdtr
 
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.law.machine import channel_gain
@@ -69,6 +69,10 @@ _SLIP_LOW, _SLIP_HIGH = -0.025, 0.01
 _SLIP_ALIKE, _SLIP_SWING = 3e-3, 1e-3
 # Harmonics and sidebands of a bearing's lines that are looked for.
 _BEARING_HARMONICS, _BEARING_SIDEBANDS = 6, 2
+# What nothing names repeats up to so many times; unrelated lines stand at as many of its multiples
+# by chance with less than this probability. Knocks at 60 to 100 Hz whose distances scatter by 1 %
+# spread their lines, of 10 s, over 0.85 % of their order: so far from one another.
+_REPEATS, _CHANCE, _SLIP_SPREAD = 12, 0.01, 8e-3
 # Parts of a turn in which a loose shaft repeats, and the highest order at which it is looked for.
 _PARTS, _LOOSE_ORDER = {2: "half", 3: "third"}, 20.0
 
@@ -536,14 +540,16 @@ class Naming(NamedTuple):
         -------
         tuple of NamedSeries
             Every line stands in one. Bearings need two lines that agree on the slip, or the
-            fundamental itself, or one line at the slip that others of the same bearing have; half
-            and third orders need two, or the first.
+            fundamental itself, or one line at the slip that others of the same bearing have; what
+            stands about their multiples is theirs then. Half and third orders need two, or the
+            first; what repeats without a name needs three.
         """
         still = {i for i, line in enumerate(self.lines) if line.locked == "time"}
-        turning = set(range(len(self.lines))) - still
+        turning, supply = set(range(len(self.lines))) - still, self.mains(still)
         # of lines whose lock cannot be told those of the mains must not make up a bearing alone
-        found = self.of_machine(turning, _members(self.mains(turning)))
-        found += self.mains(still) + self.mains(turning - _members(found))
+        found = self.of_machine(turning, _members(self.mains(turning)), still - _members(supply))
+        found += supply + self.mains(turning - _members(found))
+        found += self.repeating((still | turning) - _members(found))
         for i in sorted((still | turning) - _members(found)):
             line = self.lines[i]
             name = f"unknown line at {line.frequency_hz:.4g} Hz"
@@ -573,19 +579,25 @@ class Naming(NamedTuple):
         reach = max(_MAINS_TOLERANCE * multiple * mains, width_hz)
         return abs(line.frequency_hz - multiple * mains) <= reach
 
-    def of_machine(self, left: set[int], doubtful: set[int]) -> list[NamedSeries]:
+    def of_machine(self, left: set[int], doubtful: set[int], still: set[int]) -> list[NamedSeries]:
         """Bearings and loose shafts, those with most lines first."""
         found: list[NamedSeries] = []
-        bearings = [line for line in self.train.lines if line.kind == "bearing"]
+        bearings = {line.name: line for line in self.train.lines if line.kind == "bearing"}
         loose = [(shaft, part) for shaft in self.train.shafts for part in _PARTS]
         while True:
-            options = [self._bearing(left, line, found) for line in bearings]
+            options = [self._bearing(left, line, found) for line in bearings.values()]
             options += [self._loose(left, *one) for one in loose]
             usable = [one for one in options if one and set(one.labels) - doubtful]
             if not usable:
                 return found
-            found.append(max(usable, key=lambda one: len(one.labels)))
-            left = left - set(found[-1].labels)
+            best = max(usable, key=lambda one: len(one.labels))
+            left = left - set(best.labels)
+            if ring := bearings.pop(best.name, None):
+                # knocks that scatter: also where one of its lines keeps its frequency by chance
+                more = self._about(left | still, ring.order * (1 + best.slip))
+                best.labels.update({i: _label(times, 0, "") for i, times in more.items()})
+                left, still = left - set(more), still - set(more)
+            found.append(best)
 
     def _bearing(self, left: set[int], ring: Line, found: list[NamedSeries]) -> NamedSeries | None:
         """Lines of one ring, ball or cage that agree on its slip, or on that of its bearing."""
@@ -624,6 +636,45 @@ class Naming(NamedTuple):
         labels = {i: _label(*best[i], by) for i in sorted(best)}
         inside = tuple(order for order in places if 0 < order < self.top)
         return NamedSeries("bearing", ring.name, labels, inside, slip)
+
+    def repeating(self, left: set[int]) -> list[NamedSeries]:
+        """Lines at multiples of one of them: of something that nothing names, a bearing mostly."""
+        found: list[NamedSeries] = []
+        while series := max((self._multiples(left, i) for i in left), key=len, default={}):
+            order = np.median([self.lines[i].order / number for i, number in series.items()])
+            name = f"lines at multiples of order {order:.4g} of shaft 1"
+            if any(self.lines[i].kind == "envelope" for i in series):
+                name += ", as knocks of a rolling bearing or a shaft of another machine make them"
+            labels = {i: _label(number, 0, "") for i, number in series.items()}
+            found.append(NamedSeries("unknown lines", name, labels))
+            left = left - set(series)
+        return found
+
+    def _about(self, lines: set[int], base: float) -> dict[int, int]:
+        """Lines at multiples of an order, and at which: several at one where knocks scatter."""
+        place = np.array(sorted(lines), dtype=int)
+        orders = np.array([self.lines[i].order for i in place])
+        reach, near = (
+            np.maximum(self.width, _SLIP_SPREAD * orders),
+            np.zeros(len(place), dtype=bool),
+        )
+        # the order itself may stand at the edge of what they spread over
+        for _ in range(2):
+            base = float(np.median((orders / times)[near])) if near.any() else base
+            times: FloatArray = np.clip(np.rint(orders / base), 1, _REPEATS)
+            near = np.abs(orders - times * base) <= reach
+        return dict(zip(place[near].tolist(), times[near].astype(int).tolist(), strict=True))
+
+    def _multiples(self, left: set[int], first: int) -> dict[int, int]:
+        """Lines at multiples of one of them, and at which; none where that may be chance."""
+        base = self.lines[first].order
+        found, orders = self._about(left, base), np.sort([self.lines[i].order for i in left])
+        # lines that one may show are one place
+        reach = np.maximum(self.width, _SLIP_SPREAD * orders)
+        apart = np.append(True, np.diff(orders) > reach[1:])
+        expected = np.minimum(1.0, 2 * reach / base)[apart].sum()
+        others = len({*found.values()}) - 1
+        return found if others >= 2 and pdtrc(others - 1, expected) <= _CHANCE else {}
 
     def _loose(self, left: set[int], shaft: Shaft, part: int) -> NamedSeries | None:
         """Half or third orders of a shaft."""

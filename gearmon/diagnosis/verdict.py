@@ -133,6 +133,7 @@ class Flagging(NamedTuple):
         for growth in whole.runout if grown else ():
             strength, gear = rare_strength([growth.log10_probability]), (growth.stage, growth.gear)
             if strength >= LIMITS.fault and gear not in flagged:
+                flagged.add(gear)
                 kind, _, told = self._kind(gear, growth.kind, gear)
                 found.append(self._flag(kind, strength, (*growth.evidence, *told), gear))
         # lines that belong to no gear blame none
@@ -142,7 +143,8 @@ class Flagging(NamedTuple):
             if (strength := rare_strength([own.log10_probability])) >= LIMITS.fault
         ]
         if whole.changed >= LIMITS.fault and not any(flag.tooth for flag in found):
-            found += self._levels(bool(nongear))
+            levels = self._levels(bool(nongear))
+            found += [flag for flag in levels if (flag.stage, flag.gear) not in flagged]
         return (*found, *nongear)
 
     def _flag(

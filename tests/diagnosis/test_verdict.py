@@ -200,6 +200,16 @@ def test_runout_is_flagged_by_gear_and_kind():
     assert flags_of(evidence(runout=growth), pitted)[0].kind == "distributed pitting"
 
 
+def test_a_gear_is_flagged_once():
+    """Its levels move with its runout; those of another gear are told besides."""
+    growth = runout_growth({(1, "pinion"): np.array([15.0, *5 * [0]])})
+    both = evidence(lines=3.0, runout=growth)
+    (flag,) = flags_of(both, features(once_db=15.0, near_db=12.0), [change(-10.0)])
+    assert (flag.kind, flag.gear) == ("eccentricity", "pinion")
+    told = flags_of(both, None, [change(-10.0, gear_name="gear")])
+    assert [own.gear for own in told] == ["pinion", "gear"]
+
+
 def test_levels_are_named_by_their_kind_where_it_is_clear():
     (plain,) = flags_of(evidence(lines=3.0), None, [change(-10.0), change(-19.0, "mesh", "")])
     assert (plain.kind, plain.gear) == ("changed sidebands", "pinion")

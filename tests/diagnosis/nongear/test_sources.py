@@ -86,23 +86,77 @@ def test_sidebands_of_a_bearing_are_named_by_their_side():
     assert found.slip == pytest.approx(-0.01, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("apart", "named"), [(-0.9, True), (0.9, True), (-4.5, False), (4.5, False)]
-)
-@pytest.mark.parametrize("harmonic", [2, 4, 6])
-def test_harmonics_of_a_bearing_agree_on_its_slip_to_a_thousandth_of_their_order(
-    apart, named, harmonic
-):
+def with_bearing():
+    """A pair with a bearing, and the order of its outer race."""
     bearing = {"name": "input", "shaft": 1, "balls": 9, "ball_diameter_mm": 7.94,
                "pitch_diameter_mm": 39.04}  # fmt: skip
     stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
     train = kinematics(load_machine(operating={"speed_rpm": 1500.0}, stage=stage, bearing=bearing))
-    (race,) = [line.order for line in train.lines if "outer race" in line.name]
+    return train, next(line.order for line in train.lines if "outer race" in line.name)
+
+
+@pytest.mark.parametrize(
+    ("apart", "named"), [(-0.9, True), (0.9, True), (-4.5, False), (4.5, False)]
+)
+@pytest.mark.parametrize("harmonic", [3, 5])
+def test_harmonics_that_tell_a_bearing_agree_on_its_slip_to_a_thousandth_of_their_order(
+    apart, named, harmonic
+):
+    """Where the fundamental itself is not heard."""
+    train, race = with_bearing()
     slipped = 0.99 * race
-    heard = lines([slipped, harmonic * slipped * (1.0 + 1e-3 * apart)])
+    heard = lines([2 * slipped, harmonic * slipped * (1.0 + 1e-3 * apart)])
     found = Naming(heard, train, 1e-4, 100.0).series()
-    assert found[0].labels[0] == "1 x"
-    assert found[0].labels.get(1) == (f"{harmonic} x" if named else None)
+    assert [one.kind for one in found] == (["bearing"] if named else 2 * ["unknown lines"])
+    if named:
+        assert found[0].labels == {0: "2 x", 1: f"{harmonic} x"}
+
+
+@pytest.mark.parametrize("locked", ["shaft", "time", "either"])
+def test_knocks_that_scatter_are_one_bearing_however_many_lines_they_show(locked):
+    """Once a bearing is told, what stands within 0.8 % of its multiples is its own."""
+    train, race = with_bearing()
+    slipped = 0.99 * race
+    beside = [number * slipped * (1.0 + 1e-3 * e) for number in (1, 2, 5) for e in (-4, -2, 1, 4)]
+    heard = lines([slipped, 2 * slipped]) + lines(beside, locked=locked)
+    (found,) = Naming(heard, train, 1e-4, 100.0).series()
+    assert found.kind == "bearing"
+    assert sorted(found.labels) == list(range(len(heard)))
+    assert set(found.labels.values()) == {"1 x", "2 x", "5 x"}
+    far = lines([slipped, 1.009 * slipped, 0.991 * slipped])
+    (own, *others) = Naming(far, train, 1e-4, 100.0).series()
+    assert own.labels == {0: "1 x"}
+    assert [one.kind for one in others] == ["unknown lines"] * 2
+
+
+@pytest.mark.parametrize(("kind", "knocks"), [("spectrum", False), ("envelope", True)])
+def test_what_repeats_without_a_name_is_one_thing(kind, knocks):
+    """Told by the order at which it repeats; of several about a multiple by their middle."""
+    stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
+    train = kinematics(load_machine(operating={"speed_rpm": 1500.0}, stage=stage))
+    scattered = [4.71 * n * (1 + e) for n in (1, 2, 3, 4) for e in (-4e-3, 0.0, 4e-3)]
+    alone = [17.3, 29.9]
+    found = Naming(lines([*alone, *scattered], kind=kind), train, 1e-3, 100.0).series()
+    assert [one.kind for one in found] == ["unknown lines"] * 3
+    assert sorted(found[0].labels) == list(range(2, 14))
+    assert found[0].name.startswith("lines at multiples of order 4.71 of shaft 1")
+    assert ("knocks of a rolling bearing" in found[0].name) is knocks
+    assert [found[0].labels[i] for i in (2, 5, 13)] == ["1 x", "2 x", "4 x"]
+    assert {one.name for one in found[1:]} == {
+        "unknown line at order 17.3 of shaft 1",
+        "unknown line at order 29.9 of shaft 1",
+    }
+
+
+def test_unrelated_lines_are_seldom_taken_for_something_that_repeats():
+    """One base in a hundred may: of 12 lines each is one that may be tried."""
+    train, _ = with_bearing()
+    generator = np.random.default_rng(5)
+    joined = 0
+    for _ in range(200):
+        unrelated = lines(generator.uniform(1.0, 60.0, 12))
+        joined += bool(Naming(unrelated, train, WIDTH, 100.0).repeating(set(range(12))))
+    assert joined <= 0.01 * 12 * 200
 
 
 @pytest.mark.parametrize("mains_hz", [50.0, 60.0])
