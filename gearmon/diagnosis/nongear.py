@@ -545,12 +545,13 @@ class Naming(NamedTuple):
             first; what repeats without a name needs three.
         """
         still = {i for i, line in enumerate(self.lines) if line.locked == "time"}
-        turning, supply = set(range(len(self.lines))) - still, self.mains(still)
+        every = set(range(len(self.lines)))
+        turning, others = every - still, still - _members(self.mains(still))
         # of lines whose lock cannot be told those of the mains must not make up a bearing alone
-        found = self.of_machine(turning, _members(self.mains(turning)), still - _members(supply))
-        found += supply + self.mains(turning - _members(found))
-        found += self.repeating((still | turning) - _members(found))
-        for i in sorted((still | turning) - _members(found)):
+        found = self.of_machine(turning, _members(self.mains(turning)), others)
+        found += self.mains(every - _members(found))
+        found += self.repeating(every - _members(found))
+        for i in sorted(every - _members(found)):
             line = self.lines[i]
             name = f"unknown line at {line.frequency_hz:.4g} Hz"
             if line.locked == "shaft":
@@ -654,15 +655,12 @@ class Naming(NamedTuple):
         """Lines at multiples of an order, and at which: several at one where knocks scatter."""
         place = np.array(sorted(lines), dtype=int)
         orders = np.array([self.lines[i].order for i in place])
-        reach, near = (
-            np.maximum(self.width, _SLIP_SPREAD * orders),
-            np.zeros(len(place), dtype=bool),
-        )
+        reach = np.maximum(self.width, _SLIP_SPREAD * orders)
         # the order itself may stand at the edge of what they spread over
         for _ in range(2):
-            base = float(np.median((orders / times)[near])) if near.any() else base
-            times: FloatArray = np.clip(np.rint(orders / base), 1, _REPEATS)
+            times = np.clip(np.rint(orders / base), 1, _REPEATS)
             near = np.abs(orders - times * base) <= reach
+            base = float(np.median((orders / times)[near])) if near.any() else base
         return dict(zip(place[near].tolist(), times[near].astype(int).tolist(), strict=True))
 
     def _multiples(self, left: set[int], first: int) -> dict[int, int]:

@@ -129,6 +129,14 @@ def test_knocks_that_scatter_are_one_bearing_however_many_lines_they_show(locked
     assert [one.kind for one in others] == ["unknown lines"] * 2
 
 
+def test_the_mains_are_one_thing_whether_their_lines_surely_stand_still_or_not():
+    train, _ = with_bearing()
+    heard = lines([4.0, 8.0], locked="time") + lines([12.0, 16.0], locked="either")
+    (found,) = Naming(heard, train, WIDTH, 100.0).series()
+    assert (found.kind, found.name) == ("electrical", "mains, multiples of 50 Hz")
+    assert found.labels == {0: "2 x 50 Hz", 1: "4 x 50 Hz", 2: "6 x 50 Hz", 3: "8 x 50 Hz"}
+
+
 @pytest.mark.parametrize(("kind", "knocks"), [("spectrum", False), ("envelope", True)])
 def test_what_repeats_without_a_name_is_one_thing(kind, knocks):
     """Told by the order at which it repeats; of several about a multiple by their middle."""
