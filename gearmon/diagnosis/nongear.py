@@ -73,6 +73,9 @@ _BEARING_HARMONICS, _BEARING_SIDEBANDS = 6, 2
 # by chance with less than this probability. Knocks at 60 to 100 Hz whose distances scatter by 1 %
 # spread their lines, of 10 s, over 0.85 % of their order: so far from one another.
 _REPEATS, _CHANCE, _SLIP_SPREAD = 12, 0.01, 8e-3
+# Multiples at which they stand, and sidebands of the first: of farther ones any line would be one.
+_FARTHEST, _PLACES = 3, [(times, 0) for times in range(1, _REPEATS + 1)]
+_PLACES += product(range(1, _FARTHEST + 1), (-2, -1, 1, 2))
 # Parts of a turn in which a loose shaft repeats, and the highest order at which it is looked for.
 _PARTS, _LOOSE_ORDER = {2: "half", 3: "third"}, 20.0
 
@@ -595,20 +598,15 @@ class Naming(NamedTuple):
             left = left - set(best.labels)
             if ring := bearings.pop(best.name, None):
                 # knocks that scatter: also where one of its lines keeps its frequency by chance
-                more = self._about(left | still, ring.order * (1 + best.slip))
-                best.labels.update({i: _label(times, 0, "") for i, times in more.items()})
+                modulating, by = self._modulating(ring)
+                more = self._about(left | still, ring.order * (1 + best.slip), modulating)
+                best.labels.update({i: _label(*place, by) for i, place in more.items()})
                 left, still = left - set(more), still - set(more)
             found.append(best)
 
     def _bearing(self, left: set[int], ring: Line, found: list[NamedSeries]) -> NamedSeries | None:
         """Lines of one ring, ball or cage that agree on its slip, or on that of its bearing."""
-        # the shaft modulates an inner race, the cage the balls, nothing the others
-        modulating, by = 0.0, ""
-        if "inner race" in ring.name and ring.shaft is not None:
-            modulating, by = self.train.shaft(ring.shaft).order, "shaft"
-        elif "ball spin" in ring.name:
-            cage, by = f"{_bearing_of(ring)}: cage (FTF)", "cage"
-            modulating = next(line.order for line in self.train.lines if line.name == cage)
+        modulating, by = self._modulating(ring)
         reach = _BEARING_SIDEBANDS if modulating else 0
         sidebands = sorted(range(-reach, reach + 1), key=abs)
         series = list(product(range(1, _BEARING_HARMONICS + 1), sidebands))
@@ -638,41 +636,70 @@ class Naming(NamedTuple):
         inside = tuple(order for order in places if 0 < order < self.top)
         return NamedSeries("bearing", ring.name, labels, inside, slip)
 
+    def _modulating(self, ring: Line) -> tuple[float, str]:
+        """Order of what modulates an inner race (the shaft) or balls (the cage), and its name."""
+        if "inner race" in ring.name and ring.shaft is not None:
+            return self.train.shaft(ring.shaft).order, "shaft"
+        cage = f"{_bearing_of(ring)}: cage (FTF)" if "ball spin" in ring.name else ""
+        return next(
+            ((own.order, "cage") for own in self.train.lines if own.name == cage), (0.0, "")
+        )
+
     def repeating(self, left: set[int]) -> list[NamedSeries]:
-        """Lines at multiples of one of them: of something that nothing names, a bearing mostly."""
+        """Lines at multiples of one of them, and about these: of what nothing names."""
         found: list[NamedSeries] = []
-        while series := max((self._multiples(left, i) for i in left), key=len, default={}):
-            order = np.median([self.lines[i].order / number for i, number in series.items()])
-            name = f"lines at multiples of order {order:.4g} of shaft 1"
+        turning = {"": 0.0} | {f"shaft {own.number}": own.order for own in self.train.shafts}
+        while True:
+            options = [(self._multiples(left, i, turning[by]), by) for by in turning for i in left]
+            series, by = max(options, key=lambda one: len(one[0]), default=({}, ""))
+            if not series:
+                return found
+            rows = [(self.lines[i].order, *place) for i, place in series.items()]
+            base = np.median([(order - side * turning[by]) / times for order, times, side in rows])
+            name = f"lines at multiples of order {base:.4g} of shaft 1"
             if any(self.lines[i].kind == "envelope" for i in series):
                 name += ", as knocks of a rolling bearing or a shaft of another machine make them"
-            labels = {i: _label(number, 0, "") for i, number in series.items()}
+            labels = {i: _label(*place, by) for i, place in series.items()}
             found.append(NamedSeries("unknown lines", name, labels))
             left = left - set(series)
-        return found
 
-    def _about(self, lines: set[int], base: float) -> dict[int, int]:
-        """Lines at multiples of an order, and at which: several at one where knocks scatter."""
+    def _about(self, lines: set[int], base: float, modulating: float) -> dict[int, tuple[int, int]]:
+        """Multiple and sideband of lines that stand at some of an order: knocks that scatter.
+
+        Sidebands stand by the order of what modulates them apart; 0 where nothing does.
+        """
+        times, side = np.array(_PLACES if modulating else _PLACES[:_REPEATS]).T
         place = np.array(sorted(lines), dtype=int)
-        orders = np.array([self.lines[i].order for i in place])
-        reach = np.maximum(self.width, _SLIP_SPREAD * orders)
+        orders = np.array([[self.lines[i].order] for i in place]).reshape(-1, 1)
         # the order itself may stand at the edge of what they spread over
         for _ in range(2):
-            times = np.clip(np.rint(orders / base), 1, _REPEATS)
-            near = np.abs(orders - times * base) <= reach
-            base = float(np.median((orders / times)[near])) if near.any() else base
-        return dict(zip(place[near].tolist(), times[near].astype(int).tolist(), strict=True))
+            reach = np.maximum(self.width, _SLIP_SPREAD * base * times)
+            off = np.abs(orders - times * base - side * modulating) / reach
+            best, near = off.argmin(axis=1), off.min(axis=1) <= 1.0
+            own = ((orders[:, 0] - side[best] * modulating) / times[best])[near]
+            base = float(np.median(own)) if near.any() else base
+        told = zip(times[best].tolist(), side[best].tolist(), strict=True)
+        return {int(i): own for i, own, kept in zip(place, told, near, strict=True) if kept}
 
-    def _multiples(self, left: set[int], first: int) -> dict[int, int]:
-        """Lines at multiples of one of them, and at which; none where that may be chance."""
-        base = self.lines[first].order
-        found, orders = self._about(left, base), np.sort([self.lines[i].order for i in left])
-        # lines that one may show are one place
-        reach = np.maximum(self.width, _SLIP_SPREAD * orders)
-        apart = np.append(True, np.diff(orders) > reach[1:])
-        expected = np.minimum(1.0, 2 * reach / base)[apart].sum()
+    def _multiples(
+        self, left: set[int], first: int, modulating: float
+    ) -> dict[int, tuple[int, int]]:
+        """Lines at multiples of one of them and about these; none where that may be chance."""
+        base, found = (
+            self.lines[first].order,
+            self._about(left, self.lines[first].order, modulating),
+        )
+        orders = np.sort([self.lines[i].order for i in left])
+        # what one line may show, scattered, is one place
+        orders = orders[np.append(True, np.diff(orders) > _SLIP_SPREAD * orders[1:])]
+        times = np.rint(orders / base)
+        beside = np.where((times <= _FARTHEST) & (modulating > 0), 2 * _BEARING_SIDEBANDS, 0)
+        # the share of the axis about each at which it would count
+        share = 2 * np.maximum(self.width / base, _SLIP_SPREAD * times) * (1 + beside)
+        counts = (times <= _REPEATS) & (np.abs(orders / base - 1) > _SLIP_SPREAD)
         others = len({*found.values()}) - 1
-        return found if others >= 2 and pdtrc(others - 1, expected) <= _CHANCE else {}
+        chance = pdtrc(others - 1, np.minimum(share, 1.0)[counts].sum()) if others >= 2 else 1.0
+        return found if chance <= _CHANCE else {}
 
     def _loose(self, left: set[int], shaft: Shaft, part: int) -> NamedSeries | None:
         """Half or third orders of a shaft."""

@@ -156,6 +156,36 @@ def test_what_repeats_without_a_name_is_one_thing(kind, knocks):
     }
 
 
+@pytest.mark.parametrize("shaft", [1, 2])
+def test_what_is_modulated_by_a_shaft_is_one_thing_with_its_sidebands(shaft):
+    """Of an inner race that nobody named, of which one multiple is heard."""
+    stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
+    train = kinematics(load_machine(operating={"speed_rpm": 1500.0}, stage=stage))
+    turn = train.shaft(shaft).order
+    beside = [5.43 + turn, 5.43 - turn, 2 * 5.43 - turn, 2 * 5.43 + 2 * turn]
+    found, alone = Naming(lines([5.43, *beside, 31.77]), train, 1e-3, 100.0).series()
+    told = [
+        "1 x",
+        *(f"{own} x shaft {shaft}" for own in ("1 x + 1", "1 x - 1", "2 x - 1", "2 x + 2")),
+    ]
+    assert found.labels == dict(enumerate(told))
+    assert found.name.startswith("lines at multiples of order 5.43 of shaft 1")
+    assert list(alone.labels) == [5]
+
+
+def test_knocks_of_an_inner_race_are_one_bearing_with_their_sidebands():
+    train, _ = with_bearing()
+    (race,) = [line.order for line in train.lines if "inner race" in line.name]
+    slipped = 0.99 * race
+    spread = [
+        slipped * h * (1 + e) + r for h in (1, 2, 3) for r in (-1, 0, 1) for e in (-3e-3, 4e-3)
+    ]
+    (found,) = Naming(lines([slipped, *spread]), train, 1e-4, 100.0).series()
+    assert (found.kind, found.name) == ("bearing", "input: inner race (BPFI)")
+    assert sorted(found.labels) == list(range(19))
+    assert found.labels[1] == "1 x - 1 x shaft"
+
+
 def test_unrelated_lines_are_seldom_taken_for_something_that_repeats():
     """One base in a hundred may: of 12 lines each is one that may be tried."""
     train, _ = with_bearing()
