@@ -200,8 +200,11 @@ _DISTANCES, _NEAR = 3, 2
 # simulated single teeth (46 machines, losses of 10 to 40 %) two are explained better by one, of 220
 # pairs of damaged teeth two apart 186 are. Of cracks of 20 % on 22 machine seeds of README's pair a
 # least second one would explain three of 80 by 27 to 46 more than one does, and a larger one by 4
-# at most; of 12 pairs of such cracks a larger one explains all by 60 and more.
-_CLEAR, _SHARE_OF_FIRST, _CLEAR_IF_LARGE = 30.0, 0.2, 8.0
+# at most; of 12 pairs of such cracks a larger one explains all by 60 and more. Of single cracks of
+# 15 to 30 % on 16 machine seeds of the catalogue's pair a second one of 0.7, more than two teeth
+# away, would explain six of 168 by 11 to 26 more; of 140 pairs five teeth apart it explains two by
+# 14 and 29, all others by 32 and more.
+_CLEAR, _SHARE_OF_FIRST, _CLEAR_IF_LARGE, _CLEAR_IF_FAR = 30.0, 0.2, 8.0, 30.0
 # Probability of a second tooth, and most that both leave, at which no other kind is asked for. Two
 # teeth of lumped machines, two apart, leave 0.003 to 0.1; of smooth runout two teeth leave 0.2 at
 # the least, of pits on many teeth 0.4. Of 160 findings on two such teeth (12 machines, 20 %) 119
@@ -350,7 +353,9 @@ def second_tooth(
             told = weighted(band, power, direction, first, factor)
             by_ringing[number] += log_likelihood(band, *told)
     small = max(_CLEAR, _SHARE_OF_FIRST * log_first)
-    asked = np.where(size > SIZES[0], _CLEAR_IF_LARGE, small)
+    far = (np.abs(distance) > _NEAR) & (size < SIZES[-1])
+    large = np.where(far, _CLEAR_IF_FAR, _CLEAR_IF_LARGE)
+    asked = np.where(size > SIZES[0], large, small)
     total = log_mean(by_ringing) - asked - float(np.log(teeth * len(SIZES)))
     best = int(np.argmax(total.max(axis=0)))
     return SecondTooth(total[:, best], int(distance[best]), float(size[best]))

@@ -10,8 +10,10 @@ from reference.gear_departures import TEETH, beside_others, complex_noise, gear,
 
 from gearmon import analyse, read_recording, simulate
 from gearmon.diagnosis.hypotheses.several_teeth import (
+    RINGING,
     SHARES,
     Band,
+    bands_of,
     departure_spread,
     energies,
     event,
@@ -20,6 +22,7 @@ from gearmon.diagnosis.hypotheses.several_teeth import (
     second_tooth,
     weighted,
 )
+from gearmon.diagnosis.hypotheses.tooth_match import log_mean
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 
 
@@ -170,6 +173,26 @@ def test_a_second_tooth_is_told_where_it_is(height, distance, size):
     # either may be called the first
     assert spread.second.distance in (distance, -distance)
     assert spread.second.size == pytest.approx(size, abs=0.35)
+
+
+@pytest.mark.parametrize(
+    ("distance", "size", "asked"), [(5, 0.7, 30.0), (2, 0.7, 8.0), (5, 1.0, 8.0)]
+)
+def test_more_is_asked_of_a_smaller_tooth_farther_off(distance, size, asked):
+    """The likelihood of that tooth less what is asked, and less its places and sizes."""
+    weight = weights(9)
+    weight[9 + distance] = size
+    searched = gear(weight, seed=3, height=10.0)
+    bands, by_tooth = list(bands_of(searched)), departure_spread(searched).by_tooth
+    told = second_tooth(bands, 9, by_tooth, searched.log_gear)
+    assert (told.distance, told.size) == (distance, size)
+    plain = np.zeros((len(RINGING), len(SHARES), 1))
+    for band in bands:
+        turn = 1.0 + size * np.exp(-2j * np.pi / TEETH * distance * band.number[None])
+        for number, event_of in enumerate(band.events):
+            plain[number] += log_likelihood(band, *weighted(band, *event_of, 9, turn))
+    rest = log_mean(plain)[:, 0] - told.log_likelihood
+    assert np.allclose(rest, asked + np.log(3 * TEETH), atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(6))
