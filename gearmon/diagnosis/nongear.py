@@ -259,16 +259,11 @@ class LineComparison(NamedTuple):
             Most striking first. Their probabilities are corrected for all lines looked at.
         """
         changes = [one for one in self.changes() if one.log10_probability < np.log10(_STRIKING)]
-        turns = [line.order for line in self.train.lines if line.kind == "hunting tooth"]
         grid, lines = self.lines.grid("spectrum"), [change.line for change in changes]
         findings: list[NonGearFinding] = []
         for series in Naming(lines, self.train, grid.width, grid.top).series():
             ranked = sorted(series.labels, key=lambda i: changes[i].log10_probability)
-            order, width = lines[ranked[0]].order, self.lines.grid(lines[ranked[0]].kind).width
-            # multiples of the turn in which the same two teeth meet again, where they stand apart
-            apart = (turn for turn in turns if turn >= 4 * width)
-            off = (abs(order - turn * max(1, round(order / turn))) for turn in apart)
-            if series.kind == "unknown lines" and min(off, default=math.inf) <= 0.5 * width:
+            if series.kind == "unknown lines" and all(self._hunts(lines[i]) for i in ranked):
                 continue
             told = [self._sentence(changes[i], series.labels[i]) for i in ranked[:_SENTENCES]]
             findings.append(
@@ -284,6 +279,15 @@ class LineComparison(NamedTuple):
                 )
             )
         return tuple(sorted(findings, key=lambda finding: finding.log10_probability))
+
+    def _hunts(self, line: NonGearLine) -> bool:
+        """Whether a line is at a multiple of the turn in which the same two teeth meet again."""
+        width = self.lines.grid(line.kind).width
+        turns = (own.order for own in self.train.lines if own.kind == "hunting tooth")
+        # where these stand apart
+        apart = (turn for turn in turns if turn >= 4 * width)
+        off = (abs(line.order - turn * max(1, round(line.order / turn))) for turn in apart)
+        return min(off, default=math.inf) <= 0.5 * width
 
     def _sentence(self, change: _LineChange, label: str) -> str:
         line = change.line

@@ -27,6 +27,7 @@ from gearmon.diagnosis.nongear import (
     nongear_findings,
 )
 from gearmon.gears.kinematics import kinematics
+from gearmon.machine import load_machine
 from gearmon.signatures.measured.measurement import measure_signature
 from gearmon.signatures.measured.nongear_lines import NoiseGrid, NonGearLine, NonGearLines
 from gearmon.signatures.measured.reference import Profile
@@ -200,6 +201,28 @@ def listed(orders, level_db, over_db):
     return NonGearLines(
         lines=lines, grids=even_grids(), speed_hz=25.0, cell_hz=1.25, in_time_db=EVEN_CELLS
     )
+
+
+def test_what_hunts_is_a_gears_but_what_repeats_beside_it_is_not():
+    """A line at a multiple of the turn in which two teeth meet again, alone and in a series."""
+    stage = {"kind": "parallel", "pinion_teeth": 33, "gear_teeth": 69}
+    pair = kinematics(load_machine(operating={"speed_rpm": 1500.0}, stage=stage))
+    hunting = 1 / 23
+    # the base is 82 such turns and a third of the width at which it would be one; the others are
+    # farther off
+    repeats = [(82 * hunting + 0.0008) * n for n in (1, 4, 5, 6, 7)]
+    nothing = [listed([], [], [])] * 2
+
+    def told(*orders):
+        new = listed(orders, [-20.0] * len(orders), [40.0] * len(orders))
+        return LineComparison(new, nothing, pair).findings()
+
+    assert told(82 * hunting) == told(82 * hunting, 91 * hunting) == ()
+    (found,) = told(*repeats)
+    assert found.kind == "unknown lines"
+    assert len(found.lines) == 5
+    (alone,) = told(82.4 * hunting)
+    assert alone.lines[0].order == pytest.approx(82.4 * hunting)
 
 
 EVEN_CELLS = np.full((CHANNELS, 800), NOISE_DB, dtype=np.float32)
