@@ -71,6 +71,11 @@ _QUIET = 0.25
 #: Mean square of the rest that noise leaves at least: of 1,500 healthy gears one in a thousand has
 #: left less than 0.12.
 LEAST_MISFIT = 0.1
+# Energy of what is left over that of its median place from which there is a second event. On 14
+# foreign machines a second tooth, five after the first, has 5 to 80 times where it hides the first,
+# and 46 sound gears 4.2 at most (184 comparisons). Both teeth are a fault in 52 of 56 comparisons,
+# in 45 beside one event.
+_SECOND_EVENT = 5.0
 # Share of an event's energy that is left at every other tooth when all that can be followed of it
 # is taken off: a crack that grows from 10 to 60 % raises the rest by 0.006 to 0.01 of its own.
 _LEFT_BY_EVENT = 0.01
@@ -232,24 +237,15 @@ class GearDeviation:
 
         The event is all that the lines about one place of the turn can follow, from two teeth
         before to five after it, a quarter of the turn at most; it draws the gain of the healthy
-        pattern too.
+        pattern too. Where another one stands out as clearly of what is left, it is beside both.
         """
-        place = int(np.argmax(self._energy)) / STEPS + CONTACT_CENTRE
-        reach = min(1.0, _EVENT_OF_TURN * self.teeth / np.ptp(AROUND) / self.meetings)
-        after = (place + reach * AROUND) / self.teeth
-        delay = (np.arange(self.meetings)[:, None] / self.meetings + after).ravel()
-        left = freedom = 0.0
-        for band in self.bands:
-            waves = np.exp(-2j * np.pi * np.outer(band.number, delay))
-            gains = _powers((band.number - self.teeth * band.harmonic) / self.teeth).T
-            event = waves / band.deviation[:, :, None]
-            columns = np.concatenate([event, gains * band.pattern[:, :, None]], axis=2)
-            columns /= np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), _TINY)
-            side, size, _ = np.linalg.svd(columns, full_matrices=False)
-            kept = size > gear_patterns.RANK * size[:, :1]
-            followed = np.abs((side.conj().swapaxes(1, 2) @ band.rest[:, :, None])[:, :, 0]) ** 2
-            left += float(np.sum(np.abs(band.rest) ** 2) - np.sum(followed[kept]))
-            freedom += band.rest.size - np.count_nonzero(kept)
+        place = int(np.argmax(self._energy))
+        left, freedom, rest = self._beside([place])
+        energy = self._around(rest)
+        if self.meetings == 1 and energy.max() > _SECOND_EVENT * np.median(energy):
+            both = self._beside([place, int(np.argmax(energy))])
+            if both[1] >= _LEAST_LEFT * self.lines:
+                left, freedom, _ = both
         if freedom < _LEAST_LEFT * self.lines:
             # of a small pinion all lines tell, and ring on
             if self.meetings == 1:
@@ -264,6 +260,26 @@ class GearDeviation:
         left /= max(freedom, 1.0)
         leaked = _LEFT_BY_EVENT * float(self._energy.max()) / self.lines
         return max(left - leaked, min(left, 1.0), LEAST_MISFIT)
+
+    def _beside(self, places: Sequence[int]) -> tuple[float, float, list[ComplexArray]]:
+        """Energy, degrees of freedom and lines of what events at steps of the turn leave."""
+        reach = min(1.0, _EVENT_OF_TURN * self.teeth / np.ptp(AROUND) / self.meetings)
+        after = np.add.outer(np.array(places) / STEPS + CONTACT_CENTRE, reach * AROUND) / self.teeth
+        delay = np.add.outer(np.arange(self.meetings) / self.meetings, after).ravel()
+        freedom, rest = 0.0, list[ComplexArray]()
+        for band in self.bands:
+            waves = np.exp(-2j * np.pi * np.outer(band.number, delay))
+            gains = _powers((band.number - self.teeth * band.harmonic) / self.teeth).T
+            event = waves / band.deviation[:, :, None]
+            columns = np.concatenate([event, gains * band.pattern[:, :, None]], axis=2)
+            columns /= np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), _TINY)
+            side, size, _ = np.linalg.svd(columns, full_matrices=False)
+            kept = size > gear_patterns.RANK * size[:, :1]
+            side = np.where(kept[:, None], side, 0.0)
+            followed = side @ (side.conj().swapaxes(1, 2) @ band.rest[:, :, None])
+            rest.append(band.rest - followed[:, :, 0])
+            freedom += band.rest.size - np.count_nonzero(kept)
+        return float(sum(np.sum(np.abs(own) ** 2) for own in rest)), freedom, rest
 
     @cached_property
     def peak(self) -> float:

@@ -200,3 +200,23 @@ def test_what_departs_along_what_damage_adds_is_believed_by_the_directions_that_
     assert lighter.believes(1e9, 1.0, 5.0, 40.0) < 0.5 * most
     planets = evidence(replace(own, mesh_lines=None))
     assert planets.believes(1e9, 1.0, 5.0, 40.0) == planets.believes(1e9, 1.0, *NOTHING)
+
+
+@pytest.mark.parametrize("distance", [9, 15, -11])
+@pytest.mark.parametrize("height", [3.0, 30.0])
+def test_a_second_damaged_tooth_hides_the_first_no_more_than_noise_does(height, distance):
+    """What is left beside both is noise, of mean square 1, however loud they are."""
+    both = gear(weights(10, (10 + distance) % TEETH), seed=7, height=height).difference
+    assert 0.6 < both.misfit < 1.7
+    alone = gear(weights(10), seed=7, height=height).difference
+    assert 0.8 < alone.misfit < 1.3
+    assert both.peak > 0.2 * alone.peak
+
+
+def test_what_departs_all_around_is_no_second_event():
+    """Neither noise nor a departure of every tooth is taken off with one that stands out."""
+    assert 0.8 < gear(np.zeros(TEETH), seed=3).difference.misfit < 1.2
+    everywhere = np.random.default_rng(4).uniform(0.7, 1.3, TEETH)
+    spread = gear(everywhere, seed=4, height=10.0).difference
+    assert spread.misfit > 20.0
+    assert spread.peak < 8.0
