@@ -136,6 +136,13 @@ class Flagging(NamedTuple):
                 flagged.add(gear)
                 kind, _, told = self._kind(gear, growth.kind, gear)
                 found.append(self._flag(kind, strength, (*growth.evidence, *told), gear))
+        (gear, times), strength = whole.all_around, whole.strengths["one shaft"]
+        if strength >= LIMITS.fault and not any(flag.gear for flag in found):
+            departs = f"{_gear(*gear)} departs from its healthy pattern all around its turn"
+            beside = f"{departs}, {times:.0f} times as much as any gear of another shaft"
+            kind, place, told = self._kind(gear, _UNCLEAR, gear)
+            flagged.add(gear)
+            found.append(self._flag(kind, strength, (beside, *told), place))
         # lines that belong to no gear blame none
         nongear = [
             self._flag(own.kind, strength, (own.name, *own.evidence))

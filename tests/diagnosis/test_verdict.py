@@ -200,6 +200,49 @@ def test_runout_is_flagged_by_gear_and_kind():
     assert flags_of(evidence(runout=growth), pitted)[0].kind == "distributed pitting"
 
 
+def around(**misfits):
+    """Evidence of gears by their shaft, each of which leaves so much all around its turn."""
+
+    def deviation(shaft, misfit):
+        return SimpleNamespace(
+            stage=shaft, gear="pinion", order=1.0 / shaft, meetings=1, misfit=misfit,
+            beyond=lambda other: misfit / other.misfit,
+        )  # fmt: skip
+
+    gears = tuple(deviation(int(name[-1]), own) for name, own in misfits.items())
+    found = evidence()
+    return replace(found, deviation=replace(found.deviation, gears=gears))
+
+
+def test_a_shaft_that_departs_all_around_is_held_against_the_nearest_of_the_others():
+    assert around(shaft1=12.0, shaft2=1.0, shaft3=3.0).all_around == ((1, "pinion"), 4.0)
+    assert around(shaft1=1.0, shaft2=9.0).all_around == ((2, "pinion"), 9.0)
+    assert around(shaft1=12.0).all_around == ((1, "pinion"), 1.0)
+    assert evidence().all_around[1] == 1.0
+    # the fourth power, of which a twentieth of the false alarms is taken off
+    told = around(shaft1=10.0, shaft2=1.0).strengths["one shaft"]
+    assert told == pytest.approx(4.0 - LIMITS.rare_share)
+
+
+@pytest.mark.parametrize(
+    ("times", "verdict"), [(2.0, "healthy"), (5.0, "cannot tell"), (8.0, "fault")]
+)
+def test_many_teeth_of_one_gear_are_a_fault_where_other_shafts_are_as_ever(times, verdict):
+    found = around(shaft1=times, shaft2=1.0)
+    assert decide(found) == verdict
+    flags = flags_of(found)
+    assert [(flag.kind, flag.stage, flag.gear, flag.tooth) for flag in flags] == (
+        [("changed residual", 1, "pinion", None)] if verdict == "fault" else []
+    )
+    if flags:
+        assert "8 times as much as any gear of another shaft" in flags[0].evidence[0]
+        pitted = features(far_db=9.0, several_db=8.0, near_db=8.0, once_db=8.0, twice_db=8.0)
+        assert flags_of(found, pitted)[0].kind == "distributed pitting"
+    # where the speed is another, or knocks are heard, levels of lines mean little
+    off = replace(found, deviation=replace(found.deviation, speed_off=1.6))
+    assert decide(off) != "fault"
+
+
 def test_a_gear_is_flagged_once():
     """Its levels move with its runout; those of another gear are told besides."""
     growth = runout_growth({(1, "pinion"): np.array([15.0, *5 * [0]])})

@@ -76,6 +76,8 @@ LEAST_MISFIT = 0.1
 # and 46 sound gears 4.2 at most (184 comparisons). Both teeth are a fault in 52 of 56 comparisons,
 # in 45 beside one event.
 _SECOND_EVENT = 5.0
+# Least misfit of a gear that others are held against.
+_LEAST_BESIDE = 0.5
 # Share of an event's energy that is left at every other tooth when all that can be followed of it
 # is taken off: a crack that grows from 10 to 60 % raises the rest by 0.006 to 0.01 of its own.
 _LEFT_BY_EVENT = 0.01
@@ -330,10 +332,34 @@ class GearDeviation:
         return np.asarray(energy / np.maximum(middle, _TINY))
 
     @cached_property
+    def noise_share(self) -> float:
+        """Share of noise in the variance that the law expects of its lines, 0 to 1."""
+        noise = sum(float(np.sum((band.noise / band.deviation) ** 2)) for band in self.bands)
+        return noise / self.lines
+
+    @cached_property
     def departs(self) -> float:
         """Share of what is left beside the greatest event that is departure, not noise, 0 to 1."""
-        noise = sum(float(np.sum((band.noise / band.deviation) ** 2)) for band in self.bands)
-        return 1.0 - noise / self.lines / max(1.0, self.misfit)
+        return 1.0 - self.noise_share / max(1.0, self.misfit)
+
+    def beyond(self, other: GearDeviation) -> float:
+        """How much more this gear departs all around its turn than another one does.
+
+        Parameters
+        ----------
+        other : GearDeviation
+            A gear of another shaft.
+
+        Returns
+        -------
+        float
+            Misfit over that of the other, or what the other's would be if it departed by as many
+            times its prior, over what it is; the smaller of both. 1 where noise hides the other.
+        """
+        told, hidden = 1.0 - self.noise_share, other.noise_share
+        times = max(0.0, self.misfit - self.noise_share) / max(told, _TINY)
+        alike = hidden + (1.0 - hidden) * times
+        return min(alike, self.misfit) / max(other.misfit, _LEAST_BESIDE) if alike > 2.0 else 1.0
 
     def recurrence(
         self, tooth: int, blocks: ComplexArray, wheel: WheelLines, swings: bool = False

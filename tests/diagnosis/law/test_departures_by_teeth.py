@@ -220,3 +220,33 @@ def test_what_departs_all_around_is_no_second_event():
     spread = gear(everywhere, seed=4, height=10.0).difference
     assert spread.misfit > 20.0
     assert spread.peak < 8.0
+
+
+def shared(weight, noise_share, order=1.0, height=10.0):
+    """A gear that departs so, of whose expected variance noise has this share."""
+    own = gear(weight, seed=5, height=height).difference
+    bands = [replace(one, noise=np.sqrt(noise_share) * one.deviation) for one in own.bands]
+    return replace(own, bands=tuple(bands), order=order)
+
+
+EVERYWHERE = np.random.default_rng(6).uniform(0.7, 1.3, TEETH)
+
+
+def test_a_gear_departs_beyond_another_by_the_ratio_of_what_is_left_of_both():
+    one, other = shared(EVERYWHERE, 0.1), shared(np.zeros(TEETH), 0.1)
+    assert one.beyond(other) == pytest.approx(one.misfit / other.misfit)
+    assert other.beyond(one) == 1.0
+    half = shared(EVERYWHERE, 0.1, height=5.0)
+    assert one.beyond(half) == pytest.approx(one.misfit / half.misfit)
+    assert 2.5 < one.beyond(half) < 4.5
+
+
+def test_where_noise_hides_the_other_nothing_is_told():
+    """It would show no more if it departed as much."""
+    one = shared(EVERYWHERE, 0.1)
+    assert one.beyond(shared(np.zeros(TEETH), 1.0)) == 1.0
+    told = [one.beyond(shared(np.zeros(TEETH), share)) for share in (0.2, 0.9, 0.97, 0.99)]
+    assert told == sorted(told, reverse=True)
+    faint = shared(np.zeros(TEETH), 0.97)
+    times = (one.misfit - one.noise_share) / (1.0 - one.noise_share)
+    assert one.beyond(faint) == pytest.approx((0.97 + 0.03 * times) / faint.misfit)
