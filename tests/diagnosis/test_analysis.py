@@ -144,6 +144,18 @@ def test_a_tooth_counted_from_the_reference_keeps_its_number(tacho):
     assert max(map(abs, apart)) <= 1
 
 
+def test_many_damaged_teeth_of_one_gear_are_a_fault_of_it():
+    """Each of half the teeth has lost some of its stiffness: none of them stands out."""
+    random = np.random.default_rng(3)
+    losses = {t: random.uniform(0.05, 0.25) for t in range(1, 24) if random.uniform() < 0.5}
+    pits = [parse_fault(f"crack:1:pinion:{tooth}:{loss:.3f}") for tooth, loss in losses.items()]
+    seeds = {"machine_seed": 1, "recording_seed": 17}
+    made = simulate(machine(), pits, 4.0, RATE_HZ, **seeds, channels=2, load=0.9)
+    found = analyse(as_recording(made), machine(), reference(False))
+    assert found.verdict == "fault"
+    assert (found.flags[0].gear, found.flags[0].tooth) == ("pinion", None)
+
+
 @pytest.fixture(scope="module")
 def train():
     """Two stages, and what three healthy recordings of them teach."""
