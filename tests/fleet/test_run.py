@@ -67,6 +67,31 @@ def test_what_is_new_is_analysed_once_and_kept_in_one_store(tmp_path):
     assert [own.score for own in read_history(fleet.store, "a").entries] == [0.25]
 
 
+def test_the_answer_of_a_run_tells_all_that_it_did_and_only_alarms_that_stand(tmp_path):
+    fleet = made_fleet(tmp_path)
+    for day, text in enumerate(("fault 0.1", "fault 0.1", "0.1", "0.1", "0.1")):
+        arrive(tmp_path, "a_{}.txt", text, days=day)
+        arrive(tmp_path, "b_{}.txt", "bad" if day == 4 else "fault 0.1", days=day)
+    arrive(tmp_path, "notes.txt", "0.2")
+    growing = arrive(tmp_path, "a_{}.txt", "0.1", days=9)
+    before = {job.path: job.state for job in arrived(fleet)[0]} | {str(growing): ("smaller",)}
+    run = run_fleet(fleet, at_once, before=before)
+    told = run.to_dict(fleet)
+    assert (told["fleet"], told["store"]) == (fleet.name, str(fleet.store))
+    assert (run.done, told["analysed"]) == (9, 9)
+    assert told["failed"] == [
+        {"recording": str(tmp_path / "inbox" / "b_2026-03-05.txt"), "why": "cannot be used"}
+    ]
+    (refused,) = told["not_taken"]
+    assert refused["recording"] == str(tmp_path / "inbox" / "notes.txt")
+    assert refused["why"] == run.refused[refused["recording"]]
+    assert told["being_written"] == [str(growing)]
+    assert told["ledger"] == {"being written": 1, "done": 9, "failed": 1}
+    assert told["results"] == [str(path) for path in run.results]
+    assert {own["machine"]: own["over"] for own in alarms(fleet)} == {"a": True, "b": False}
+    assert [own["machine"] for own in told["alarms"]] == ["b"]
+
+
 def test_results_are_parquet_that_pandas_and_others_read(tmp_path):
     pandas = pytest.importorskip("pandas")
     pytest.importorskip("pyarrow")
