@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from reference.small_gearbox import as_json
@@ -9,6 +11,7 @@ from reference.small_gearbox import as_json
 from gearmon.demos import DEMOS, monitoring, run_demo
 from gearmon.diagnosis.history import read_history
 from gearmon.machine import load_machine
+from gearmon.report.analysis_plots import day_figure
 from gearmon.signatures.measured.reference import read_reference
 
 #: What functions of the demos were last given and returned, by their names.
@@ -191,6 +194,22 @@ def test_a_day_counts_its_alarms_itself(through_a_day):
     assert facts["alarms"] == [one["verdict"] for one in facts["recordings"]].count("fault")
     assert f"False alarms: {facts['alarms']}," in through_a_day.files["story"].read_text()
     assert max(facts["load"]) > 1.1 * min(facts["load"])
+
+
+@pytest.mark.usefixtures("through_a_day")
+def test_of_a_day_only_faults_are_alarms(tmp_path, monkeypatch):
+    _, (healthy, reference, judged) = KEPT["through_a_day"]
+    verdicts = ("fault", "cannot tell")
+    found = [(r, replace(a, verdict=v)) for (r, a), v in zip(judged, verdicts, strict=True)]
+    monkeypatch.setattr(monitoring, "_monitored", lambda *_: (healthy, reference, found))
+    monkeypatch.setattr(monitoring, "day_figure", day_figure)
+    demo = monitoring.day_demo(tmp_path)
+    assert demo.facts["alarms"] == 1
+    story = "\n".join(demo.story)
+    assert "False alarms: 1, where" in story
+    assert "Verdicts: fault 1, cannot tell 1." in story
+    for _, own in found:
+        assert f"{own.recording}: {own.verdict} ({own.reason})" in story
 
 
 @pytest.mark.usefixtures("through_a_day")

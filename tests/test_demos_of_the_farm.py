@@ -67,6 +67,14 @@ def test_the_ground_shakes_as_hard_as_the_job_says_and_the_engine_at_35_hz(ridde
     assert samples.std() == pytest.approx(quiet, rel=0.02 if not bumps else 0.2)
 
 
+def test_every_job_and_axis_is_driven_on_ground_of_its_own(ridden):
+    """A common engine of 0.1 m/s2 is little beside it."""
+    folder = ridden[0].files["folder"]
+    jobs = [gearmon.read_recording(folder / f"{job}.csv").samples for job in farm._JOBS]
+    alike = np.corrcoef(np.concatenate(jobs))
+    assert np.abs(alike[np.triu_indices(len(alike), 1)]).max() < 0.2
+
+
 def test_a_day_of_a_harvester_is_recorded_sound_and_damaged_at_every_operating_point(
     tmp_path, monkeypatch
 ):
