@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import fields, is_dataclass
+
+import numpy as np
 
 #: Unit in words -> endings of the fields that hold it, and what these are multiplied by.
 UNITS = {
@@ -23,13 +26,19 @@ _TOLD = re.compile(rf"({_NUMBER}) ({_UNIT})(?![\w/])")
 
 
 def numbers(value, place=()):
-    """Every number of a result in built-in types, with the names of the fields that hold it."""
+    """Every number of a result, with the names of the fields that hold it."""
+    if is_dataclass(value):
+        value = {own.name: getattr(value, own.name) for own in fields(value)}
     if isinstance(value, dict):
         for key, own in value.items():
             yield from numbers(own, (*place, str(key)))
     elif isinstance(value, list | tuple):
         for own in value:
             yield from numbers(own, place)
+    elif isinstance(value, np.ndarray):
+        # samples and lines are not told one by one
+        if value.size < 100 and not np.iscomplexobj(value):
+            yield from numbers(value.ravel().tolist(), place)
     elif isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
         yield place, float(value)
 
@@ -60,3 +69,20 @@ def untold(text, result):
             if any(name.endswith(ending) for name in place)
         )
     ]
+
+
+_INTERVAL = re.compile(
+    rf"(?:({_NUMBER})(?: [^\d\s(,;]+)? \()?({_NUMBER})(?: \S+)? to ({_NUMBER})(?![\d.]|th)"
+)
+
+
+def disordered(text):
+    """Intervals in a text whose ends are exchanged, or that do not hold the value before them."""
+    wrong = []
+    for found in _INTERVAL.finditer(text):
+        value, low, high = (
+            None if own is None else float(own.replace("\u2212", "-")) for own in found.groups()
+        )
+        if low > high or (value is not None and not low <= value <= high):
+            wrong.append(found[0])
+    return wrong
