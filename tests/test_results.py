@@ -11,6 +11,7 @@ from inspect import isfunction, signature
 
 import numpy as np
 import pytest
+from reference.drawn_extent import badly_filled
 from reference.small_gearbox import CRACK, machine, simulated
 
 import gearmon
@@ -125,6 +126,10 @@ def test_pictures_are_drawn_and_their_axes_returned(name):
         assert np.size(result.plot(kind=kind)) == np.size(axes[kind])
         axes = axes[kind]
     first = np.ravel(axes)[0]
+    assert badly_filled(first.get_figure()) == []
+    if name == "modes":
+        # mesh harmonics end in the corner, whatever natural frequencies there are
+        assert badly_filled(first.get_figure(), 0.99, across=False) == []
     assert first.get_ylabel() or first.get_xlabel() or first.get_title("left")
 
 

@@ -9,6 +9,7 @@ import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
+from reference.drawn_extent import badly_filled
 from reference.small_gearbox import machine, recording
 
 from gearmon import report
@@ -42,6 +43,7 @@ SIGNATURES = Path(__file__).parents[2] / "signatures"
 
 def labels(figure):
     """What stands along the axes of a figure, scales of colours and second axes included."""
+    assert badly_filled(figure) == []
     # names of machines, channels and files reach every text: none may be parsed as a formula
     texts = [text for text in figure.findobj(matplotlib.text.Text) if text.get_text()]
     assert not any(text.get_parse_math() for text in texts)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.container import ErrorbarContainer
 from PIL import Image
+from reference.drawn_extent import badly_filled
 
 from gearmon.harvesting import tuning
 from gearmon.harvesting.harvester import InertialHarvester
@@ -68,6 +69,8 @@ def test_four_pictures_are_written(survey, tmp_path):
 
 
 def test_figures_are_those_of_the_survey_in_the_units_of_their_axes(survey):
+    for figure in survey.figures().values():
+        assert badly_filled(figure) == []
     figures = harvest_figures(survey)
     positions = figures["-positions"].axes[0]
     assert positions.get_xlabel() == "mean power over the duty cycle in µW"

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from reference.drawn_extent import badly_filled
 
 from gearmon.diagnosis.history import Entry, History, Place, history_trends
 from gearmon.report.analysis_plots import day_figure, history_figure, kind_figure
@@ -47,6 +48,7 @@ def history(losses=True, count=14):
 
 
 def labels(figure):
+    assert badly_filled(figure) == []
     return {text.get_text() for legend in figure.legends for text in legend.get_texts()}
 
 

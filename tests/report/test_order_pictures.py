@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference.drawn_extent import badly_filled
 from reference.small_gearbox import machine, recording
 
 from gearmon.report.curves import mark_label
@@ -40,6 +41,7 @@ def texts(figure):
 
 
 def labels(figure):
+    assert badly_filled(figure) == []
     return [ax.get_xlabel() for ax in figure.axes] + [ax.get_ylabel() for ax in figure.axes]
 
 
