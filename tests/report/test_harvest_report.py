@@ -172,6 +172,20 @@ def test_numbers_in_words_are_in_the_units_of_their_headings(survey):
     assert energy == pytest.approx(expected, rel=5e-3)
 
 
+def test_lines_are_told_by_what_they_bring_over_the_time(survey, monkeypatch):
+    """Energy times share of time, the largest first; no more than a page holds."""
+    known = {"operating_point": "mowing", "acceleration_ms2": 1.0, "share": 0.1}
+    rows = [
+        known | {"frequency_hz": 100.0 + n, "energy_j_per_kg": 2.0**n, "share_of_time": 3.0**-n}
+        for n in range(30)
+    ]
+    monkeypatch.setattr(type(survey), "lines", lambda _: rows[::-1])
+    told = column(harvest_lines(survey), "frequency_hz")
+    assert 5 <= len(told) < 30
+    assert told == [100.0 + n for n in range(len(told))]
+    assert set(column(harvest_lines(survey), "share_percent")) == {10.0}
+
+
 def test_numbers_in_sentences_are_those_of_the_survey_in_their_units(survey):
     text, best, tuned = "\n".join(harvest_lines(survey)), survey.best, survey.tuned
     supply, degraded, budget = best.supply, best.tuned_degraded, survey.budget
