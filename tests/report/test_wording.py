@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gearmon.report.wording import (
@@ -36,6 +36,9 @@ def test_probability(probability, text):
 SMALL = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 
 
+@example(-2.5)
+@example(-3.0)
+@example(-3.1)
 @given(st.floats(-11.9, 0.0))
 def test_a_probability_in_words_is_right_to_two_figures_and_plain_from_a_thousandth_on(exponent):
     probability = 10.0**exponent
