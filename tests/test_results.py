@@ -161,8 +161,13 @@ def test_what_is_saved_is_read_again(tmp_path):
         result, suffix = results()[name], ".ref" if name == "reference" else ".csv"
         (path,) = result.save(tmp_path / f"{name}{suffix}")
         assert type(read(path)) is type(read(result) if name == "simulated" else result)
-    (path,) = results()["orders"].save(tmp_path / "orders.png")
-    assert path.read_bytes().startswith(b"\x89PNG")
+    # pictures in every format, and nothing in another
+    for ending, begin in ((".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")):
+        (path,) = results()["modes"].save(tmp_path / f"modes{ending}")
+        assert path == tmp_path / f"modes{ending}"
+        assert path.read_bytes().startswith(begin)
+    with pytest.raises(gearmon.GearmonError, match=r"ending of path='.jpg' is not one of .csv"):
+        results()["modes"].save(tmp_path / "modes.jpg")
     with pytest.raises(gearmon.GearmonError, match=r"ending of path=.*xlsx"):
         results()["orders"].save(tmp_path / "orders.xlsx")
 
