@@ -211,6 +211,21 @@ def test_an_input_is_never_written_by_any_name(here, shop, capsys, link):
     assert machine.read_bytes() == (shop / "machine.toml").read_bytes()
 
 
+def test_an_input_is_known_by_itself_and_not_by_what_is_like_it(here):
+    """A copy may be written, the same file by another name or a hard link may not."""
+    for name in ("read", "copy"):
+        (here / name).write_text("the same")
+    os.link(here / "read", here / "hard")
+    (here / "soft").symlink_to(here / "read")
+    with protecting("learn", ["read"], kept=["copy", "hard", "soft"]):
+        write_atomically("copy", "new")
+        for name in ("read", "hard", "soft", here / "read"):
+            with pytest.raises(GearmonError, match="is read as well; give another name"):
+                write_atomically(name, "new")
+    assert (here / "copy").read_text() == "new"
+    assert (here / "read").read_text() == "the same"
+
+
 def test_links_in_a_circle_are_refused(here, shop, capsys):
     (here / "a.csv").symlink_to(here / "b.csv")
     (here / "b.csv").symlink_to(here / "a.csv")
