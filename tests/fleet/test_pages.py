@@ -215,6 +215,31 @@ def test_a_machine_has_a_page_with_its_history(address):
     assert HOSTILE not in Answer(address, f"/machine?{urlencode({'name': HOSTILE})}").text
 
 
+def test_a_report_is_that_of_its_recording_and_knows_history_and_limit(fleet, monkeypatch):
+    from gearmon.fleet import pages
+
+    told = {}
+
+    def write_report(*given, history):
+        told.update(given=given[:4], history=history)
+        given[4].write_text("report")
+
+    def judged(machine, file, path):
+        return "analysis", (machine.name, file, path), "reference", "machine"
+
+    monkeypatch.setattr(pages, "write_report", write_report)
+    monkeypatch.setattr(pages, "judged", judged)
+    machine = fleet.machine("b")
+    path = str(fleet.store.parent / "inbox" / "b_2026-03-12.txt")
+    assert pages._report.__wrapped__(fleet, machine, path, "hash") == "report"
+    analyses, recordings, reference, own = told["given"]
+    assert (analyses, reference, own) == (["analysis"], "reference", "machine")
+    assert recordings == [("b", path, path)]
+    assert told["history"].limit == machine.limit == 0.3
+    assert told["history"].history.machine == "b"
+    assert len(told["history"].history.entries) == 12
+
+
 @pytest.mark.parametrize(
     "path", ["/", "/machine?name=b", "/table.csv", "/fleet.css", "/charts.js", "/machine?name=z"]
 )

@@ -471,7 +471,7 @@ def test_alarms_are_raised_and_cleared_by_class(tmp_path):
 
 def test_an_alarm_does_not_hang_on_the_tooth(tmp_path):
     fleet = made_fleet(tmp_path, ("a",))
-    for day, tooth in enumerate((5, 6, 5)):
+    for day, tooth in enumerate((5, 16, 105)):
         arrive(tmp_path, "a_{}.txt", f"tooth {tooth} 0.1", days=day)
     run_fleet(fleet, at_once)
     assert [own["finding"] for own in alarms(fleet)] == ["tooth damage, stage 1, pinion"]
