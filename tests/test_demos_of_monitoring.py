@@ -75,7 +75,7 @@ def test_picture_story_and_inputs_are_written(name, request):
     demo = request.getfixturevalue(name)
     folder, picture = demo.files["folder"], demo.files["picture"]
     assert picture.read_bytes().startswith(b"\x89PNG")
-    assert demo.files["story"].read_text().splitlines() == "\n".join(demo.story).splitlines()
+    assert demo.files["story"].read_text() == "\n".join(demo.story) + "\n"
     assert load_machine(folder / "machine.toml").name == "conveyor drive"
     assert read_reference(folder / "healthy.ref").profiles
     assert as_json(demo.to_dict()) == demo.to_dict()
@@ -184,6 +184,15 @@ def test_every_state_is_judged_and_the_sound_one_is_sound(told_apart):
     right = sum(one["told"] == one["truth"] for one in judged)
     assert told_apart.facts["right"] == right
     assert f"Right: {right} of 4." in told_apart.story
+    head = next(
+        n for n, line in enumerate(told_apart.story) if line.split()[:2] == ["truth", "load"]
+    )
+    for one, line in zip(judged, told_apart.story[head + 1 :], strict=False):
+        kind = one["kind"]
+        known = [one["truth"], f"{one['load']:.0%}".replace("%", " %"), one["analysis"]["verdict"]]
+        known += [one["told"]]
+        known += [kind["gear"] or "", f"{100 * kind['probability']:.0f} %"] if kind else []
+        assert line.split() == " ".join(known).split()
     for one in judged:
         assert (one["kind"] is not None) == (one["analysis"]["verdict"] == "fault")
         assert set(one["features_db"]) == set(monitoring.FEATURES)
