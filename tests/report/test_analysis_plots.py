@@ -257,6 +257,26 @@ def test_changes_are_coloured_symmetrically_and_framed_beyond_scatter(faulty):
     assert image.get_array()[groups.index("mesh 1"), column] == pytest.approx(change.change_db)
 
 
+def test_rows_of_changes_are_named_by_what_repeats(faulty):
+    """Every family stands in a row of its kind and shaft, those of a mesh first."""
+    ax, _ = changes_figure(faulty.analysis).axes
+    names = {
+        f"mesh {own.stage}" if own.kind == "mesh" else f"{own.kind}, shaft {own.shaft}"
+        for own in faulty.analysis.signature.plan.families
+    }
+    groups = [label.get_text() for label in ax.get_yticklabels()]
+    assert set(groups) == names
+    assert len(groups) == len(names)
+    assert groups[0] == "mesh 1"
+    table = ax.images[0].get_array()
+    harmonics = table.shape[1] // 2
+    for change in faulty.analysis.changes:
+        kind = "mesh 1" if change.kind == "mesh" else f"{change.kind}, shaft {change.shaft}"
+        block = ["front", "rear"].index(change.channel)
+        cell = table[groups.index(kind), block * harmonics + change.harmonic - 1]
+        assert cell == pytest.approx(change.change_db)
+
+
 # --- the turn of a gear, and the speed -------------------------------------------------------
 
 
