@@ -144,6 +144,31 @@ def test_a_short_text_shows_short_fields_and_counts_long_ones():
     assert text == "Lines(few=(1, 2), many=<100>, size=0.333333)"
 
 
+def test_what_a_result_holds_comes_in_built_in_types_from_which_it_can_be_made_again():
+    @dataclass(frozen=True, kw_only=True)
+    class Held(Result):
+        lines: np.ndarray
+        line: complex
+        number: np.float64
+        names: frozenset[str]
+        inner: dict[int, tuple[np.ndarray, ...]]
+
+    lines = np.array([[1.0 + 2.0j, 3.0], [0.0, -4.0j]])
+    held = Held(
+        lines=lines,
+        line=5.0 - 6.0j,
+        number=np.float64(0.1),
+        names=frozenset({"a"}),
+        inner={1: (np.arange(3),)},
+    )
+    told = json.loads(json.dumps(held.to_dict()))
+    again = np.array(told["lines"]["real"]) + 1j * np.array(told["lines"]["imag"])
+    assert np.array_equal(again, lines)
+    assert told["line"] == {"real": 5.0, "imag": -6.0}
+    assert (told["number"], told["names"]) == (0.1, ["a"])
+    assert told["inner"] == {"1": [[0, 1, 2]]}
+
+
 def test_the_result_itself_is_no_option_of_its_picture():
     family = results()["family"]
     for word in ("family", "found"):

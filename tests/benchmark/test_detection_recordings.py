@@ -89,6 +89,21 @@ def test_drawn_machines_are_loaded_and_turn_as_is_said():
     assert 0.3 * rest < max(longest_s) <= rest + 1 / makers.RATE_HZ
 
 
+def test_gears_run_out_once_a_turn_and_ever_less_by_higher_harmonics():
+    rng = np.random.default_rng(1)
+    gears = [makers._draw_gear(rng, 40) for _ in range(200)]
+    sizes = np.abs([gear.runout_m for gear in gears])
+    np.testing.assert_allclose(sizes / sizes[:, :1], [[1.0, 0.2, 0.1, 0.05]] * 200)
+    low, high = makers.ECCENTRICITY_M
+    assert low <= sizes[:, 0].min() < 1.2 * low < 0.8 * high < sizes[:, 0].max() <= high
+    # as many of small ones as of large: the logarithm is uniform
+    assert np.median(sizes[:, 0]) == pytest.approx(np.sqrt(low * high), rel=0.25)
+    phases = np.angle([gear.runout_m for gear in gears])
+    assert np.abs(np.exp(1j * phases).mean(axis=0)).max() < 0.2
+    pitch = [gear.pitch_m.std() for gear in gears]
+    assert np.mean(pitch) == pytest.approx(np.mean(makers.PITCH_M), rel=0.1)
+
+
 def test_same_seeds_same_recording(bench):
     one = bench.take(Condition(), SHORT)
     again = draw_machine(np.random.default_rng(2), channels=2).take(Condition(), SHORT)

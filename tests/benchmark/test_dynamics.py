@@ -280,3 +280,15 @@ def test_a_turn_dips_once_about_its_beginning_under_the_waves_of_its_meshes(mesh
     away = (place + meshes / 2) % meshes - meshes / 2
     dip = -0.1 * np.exp(-0.5 * (away / 0.25) ** 2)
     np.testing.assert_allclose(stiffness - mesh, dip - dip.mean(), atol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "meshes"), [("cracked tooth", 26), ("hunting period", 26 * 53)])
+def test_cases_of_cracks_have_ten_harmonics_a_mesh_over_their_whole_period(name, meshes):
+    case = CASES[name]()
+    harmonics = case.problem.stiffness_harmonics
+    assert (case.meshes, len(harmonics)) == (meshes, 10 * meshes)
+    assert case.problem.period_s == pytest.approx(meshes * 1.6e-3)
+    # the mesh stands out of what the crack leaves between its harmonics
+    mesh = np.abs(harmonics[meshes - 1 :: meshes])
+    between = np.delete(np.abs(harmonics), np.s_[meshes - 1 :: meshes])
+    assert mesh[0] > 10 * between.max() > 0

@@ -195,7 +195,10 @@ def test_analysis_against_reading(monkeypatch):
             "ratio_to_pandas",
         }
         assert 0 < row["fastest_s"] <= row["median_s"]
-    assert rows[1]["ratio_to_pandas"] == 1.0
+    pandas_s = rows[1]["median_s"]
+    assert [row["ratio_to_pandas"] for row in rows] == [row["median_s"] / pandas_s for row in rows]
+    # of whole rows, in four channels
+    assert {(row["rows"], row["channels"]) for row in rows} == {(round(4266.6667 * 2.0), 4)}
     assert seen == [0.5, 1.0]
     json.dumps(rows, allow_nan=False)
 

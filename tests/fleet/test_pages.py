@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from reference.fleet_stand_in import arrive, at_once, made_fleet
 
+from gearmon.errors import ArgumentError
 from gearmon.fleet import alarms, run_fleet
 
 pytest.importorskip("starlette")
@@ -238,6 +239,44 @@ def test_a_report_is_that_of_its_recording_and_knows_history_and_limit(fleet, mo
     assert told["history"].limit == machine.limit == 0.3
     assert told["history"].history.machine == "b"
     assert len(told["history"].history.entries) == 12
+
+
+def test_beside_others_what_differs_most_is_shown(fleet, monkeypatch):
+    from gearmon.fleet import pages
+
+    rows = [{"machine": "ab"[n % 2], "indicator": f"{n}"} for n in range(16)]
+    monkeypatch.setattr(pages, "compare", lambda *_: rows)
+    shown = pages._beside.__wrapped__(fleet, fleet.machine("b"), 0)
+    assert [row["indicator"] for row in shown] == ["1", "3", "5", "7", "9"]
+
+    def too_few(*_):
+        raise ArgumentError("too few others")
+
+    monkeypatch.setattr(pages, "compare", too_few)
+    assert pages._beside.__wrapped__(fleet, fleet.machine("b"), 0) == []
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost", "192.168.1.9"])
+@pytest.mark.parametrize("token", ["", TOKEN])
+def test_on_other_addresses_than_those_of_this_computer_a_token_is_asked_for(
+    fleet, monkeypatch, capsys, host, token
+):
+    from gearmon.fleet import pages
+
+    asked = {}
+    monkeypatch.setattr(pages.uvicorn, "run", lambda app, **how: asked.update(how, app=app))
+    monkeypatch.setattr(pages, "application", lambda *_, **how: how)
+    pages.serve(fleet, host, 8123, token)
+    own = host in ("127.0.0.1", "localhost")
+    assert (asked["host"], asked["port"]) == (host, 8123)
+    given = asked["app"]["token"]
+    assert bool(given) == (not own or bool(token))
+    assert token in ("", given)
+    assert len(given) >= 12 or not given
+    query = f"?token={given}" if given else ""
+    assert f"http://{host}:8123/{query} " in capsys.readouterr().out
+    known = ("127.0.0.1", "localhost", "::1") if own else ("*",)
+    assert tuple(asked["app"]["hosts"]) == known
 
 
 @pytest.mark.parametrize(

@@ -354,6 +354,20 @@ def test_watching_takes_what_is_the_same_in_two_looks(tmp_path, monkeypatch):
     assert [look.done for look in looks] == [1, 1]
 
 
+@pytest.mark.parametrize("text", ["0.1", "bad", None])
+def test_a_look_is_told_of_if_it_did_anything_be_it_in_vain(tmp_path, monkeypatch, text):
+    fleet, told, waited = made_fleet(tmp_path), [], []
+    monkeypatch.setattr(running.time, "sleep", waited.append)
+    if text:
+        arrive(tmp_path, "a_{}.txt", text)
+    watch_fleet(fleet, at_once, every_s=7.0, told=told.append, rounds=3)
+    # what is the same in two looks is ready at the second; nothing is waited for after the last
+    assert [(run.done, len(run.failed)) for run in told] == (
+        [] if text is None else [(1, 0)] if text == "0.1" else [(0, 1)]
+    )
+    assert waited == [7.0, 7.0]
+
+
 def test_two_runners_do_not_share_a_fleet(tmp_path):
     fleet = made_fleet(tmp_path)
     with running._alone(fleet), pytest.raises(ArgumentError, match="another gearmon fleet"):

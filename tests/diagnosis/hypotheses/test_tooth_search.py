@@ -29,6 +29,7 @@ from gearmon.diagnosis.hypotheses.tooth_damage import (
 )
 from gearmon.diagnosis.hypotheses.tooth_match import (
     LOSSES,
+    event_delays,
     log_mean,
     path_power,
     search_gear,
@@ -673,3 +674,20 @@ def test_what_comes_in_some_blocks_comes_again_as_often(count, share):
     if not there.all():
         assert 0.5 < steady * (count - there.sum()) / (there.sum() * (count - 1)) < 1.0
     assert own.recurrence(tooth, blocks[:1], wheel) == (np.inf, 1.0)
+
+
+@pytest.mark.parametrize("name", ["pinion", "planet"])
+@pytest.mark.parametrize("decay_s", [2e-4, 2e-3])
+def test_delays_of_an_event_are_quantiles_of_its_contact_and_of_the_ringing(name, decay_s):
+    """Any moment of contact, and then an exponential one; of a planet half a turn later again."""
+    tooth = SimpleNamespace(contact_ratio=1.6, teeth=24, gear=name)
+    found = event_delays(tooth, 20.0, decay_s)
+    once = found[: len(found) // 2] if name == "planet" else found
+    if name == "planet":
+        np.testing.assert_allclose(found[len(once) :], once + 0.5 / 20.0)
+    rng, contact_s = np.random.default_rng(2), 1.6 / (20.0 * 24)
+    drawn = contact_s * rng.random(200_000) + rng.exponential(decay_s, 200_000)
+    # what is heard after three times of decay is left out
+    drawn = drawn[drawn < contact_s + 3 * decay_s]
+    shares = (np.arange(len(once)) + 0.5) / len(once)
+    np.testing.assert_allclose(once, np.quantile(drawn, shares), rtol=0.03, atol=2e-6)
