@@ -5,12 +5,15 @@ from __future__ import annotations
 import csv
 import html
 import io
+import random
 import re
 import socket
 import threading
 import time
 from contextlib import closing, contextmanager
 from http.client import HTTPConnection
+from itertools import product
+from operator import itemgetter
 from urllib.parse import urlencode
 
 import numpy as np
@@ -239,6 +242,33 @@ def test_a_report_is_that_of_its_recording_and_knows_history_and_limit(fleet, mo
     assert told["history"].limit == machine.limit == 0.3
     assert told["history"].history.machine == "b"
     assert len(told["history"].history.entries) == 12
+
+
+def test_machines_come_by_verdict_alarm_loss_and_score_and_tell_their_margin(fleet):
+    from gearmon.fleet.pages import _row
+    from gearmon.report.text import WORST_FIRST
+
+    known = {"since_s": 0.0, "time_s": 86_400.0, "findings": ["first", "second"], "scores": [1.0]}
+    rows = []
+    for verdict, alarm, loss, score in product(
+        WORST_FIRST, (True, False), (0.25, 0.05, None), (9.0, 2.0)
+    ):
+        lost = dict.fromkeys(("loss", "loss_low", "loss_high"))
+        if loss is not None:
+            lost = {"loss": loss, "loss_low": loss - 0.02, "loss_high": loss + 0.04}
+        latest = known | lost | {"verdict": verdict, "score": score}
+        # the worst are made first
+        rows.append(_row(fleet.machine("b"), latest, alarm))
+    mixed = random.Random(3).sample(rows, len(rows))
+    assert sorted(mixed, key=itemgetter("urgency")) == rows
+    silent = _row(fleet.machine("b"), None, alarm=True)
+    assert silent["urgency"] > rows[-1]["urgency"]
+    first, *_ = rows
+    assert (first["since"], first["heard"]) == ("1970-01-01 00:00", "1970-01-02 00:00")
+    assert (first["finding"], first["loss"]) == ("first", "25 % (23 to 29 %)")
+    # of a limit of 30 %
+    assert first["margin"] == "5 % (1 to 7 %)"
+    assert {row["margin"] for row in rows if not row["loss"]} == {""}
 
 
 def test_beside_others_what_differs_most_is_shown(fleet, monkeypatch):
