@@ -39,9 +39,9 @@ def row(rng, machine, condition, size, tacho):
         "tooth_flag": hurt,
         "found_stage": 1,
         "found_gear": "pinion" if rng.random() < 0.9 else "gear",
-        "gear_right": True if hurt else None,
+        "gear_right": machine % 4 > 0 if hurt else None,
         "tooth_error": float(rng.choice([0.1, 1.0, 2.0, 5.0])),
-        "loss": size * 1.1 if hurt else None,
+        "loss": size * (1.1 if machine % 2 else 0.9) if hurt else None,
         "loss_low": size * 0.8 if machine % 3 else size * 1.05,
         "loss_high": size * 1.4,
         "run_time_s": 0.4 + 0.1 * float(rng.random()),
@@ -145,7 +145,10 @@ def test_pictures_say_what_they_show_with_tacho_and_without(rows, table):
         ends = np.concatenate([own.get_segments() for own in areas.collections])[:, :, 1]
         told = own[own["detector"].isin(DETECTOR_STYLES)][["low", "high"]].to_numpy()
         np.testing.assert_allclose(np.sort(ends, axis=0), np.sort(told, axis=0))
-        hurt = table[(table["tacho"] == tacho) & (table["condition"] == "tooth")]
+        # of a gear that is not hurt no loss can be right
+        right = table["gear_right"].eq(True) & (table["condition"] == "tooth")
+        hurt = table[(table["tacho"] == tacho) & right]
+        assert 0 < len(hurt) < (table["tacho"] == tacho).sum()
         dots = [len(line.get_xdata()) for line in sizes.lines if line.get_marker() == "."]
         assert sum(dots) == len(hurt)
     (alarms,) = figures["false-alarms"].axes

@@ -239,3 +239,22 @@ def test_timings_tell_the_median_and_the_fastest():
 def test_unknown_case_is_refused():
     with pytest.raises(ArgumentError, match="case='speed' must be one of analyse, memory"):
         run_case("speed")
+
+
+def test_rivals_work_on_the_same_samples(monkeypatch):
+    """But for the smooth neighbour of a prime, which is shorter by next to nothing."""
+    timed = {}
+    monkeypatch.setattr(tasks, "_timed", lambda case, own, *_: timed.update({case: own}) or [])
+    tasks._spectra(1 << 16, 1)
+    assert len(timed) == 5
+    for case, own in timed.items():
+        sizes = {name: len(task.args[0]) for name, task in own.items() if isinstance(task, partial)}
+        smooth = sizes.pop("smooth neighbour", None)
+        (size,) = set(sizes.values())
+        if smooth is None:
+            assert size == 1 << 16
+        else:
+            assert "prime" in case
+            assert all(size % own for own in range(2, 257))
+            assert 0.98 * size < smooth < size
+            assert smooth % 1000 == 0

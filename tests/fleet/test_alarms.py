@@ -214,8 +214,10 @@ def test_one_that_begins_earlier_after_a_late_recording_is_the_same_alarm(tmp_pa
     assert alarm["told"] == ["command true"]
 
 
-@given(st.lists(st.booleans(), max_size=30), st.integers(1, 4), st.integers(1, 4))
-def test_alarms_begin_and_end_where_streaks_do(found, after, clear):
+@given(st.lists(st.integers(1, 6), max_size=9), st.integers(1, 4), st.integers(1, 4))
+def test_alarms_begin_and_end_where_streaks_do(lengths, after, clear):
+    # streaks without and with it, in turn
+    found = [bool(n % 2) for n, length in enumerate(lengths) for _ in range(length)]
     rows = [(float(t), {"wear"} if there else set()) for t, there in enumerate(found)]
     told = list(episodes(rows, after, clear))
     # told apart by a slow and obvious automaton
