@@ -204,6 +204,26 @@ def test_damage_falls_on_every_tooth_of_every_gear():
         assert {1, max(teeth[place])} <= own
 
 
+@pytest.mark.parametrize("variant", [*detection.VARIANTS, detection.WARM])
+def test_a_variant_changes_what_it_is_called_after_and_nothing_else(variant):
+    """Load by a fifth, speed by a fiftieth, gain by two, each way alike; else as operators can."""
+    rng = np.random.default_rng(4)
+    drawn = [detection._setting(rng, variant, 7.0) for _ in range(600)]
+    told = {name: [getattr(own, name) for own in drawn] for name in ("load", "speed", "warmth")}
+    told["gain"] = np.log2([own.gain for own in drawn])
+    reach = {"load": 0.02, "speed": 0.002, "gain": 0.0, "warmth": 0.0}
+    wide = {"load": 0.2, "speed": 0.02, "gain": 1.0}
+    reach |= wide if variant == "all" else {variant: wide[variant]} if variant in wide else {}
+    reach |= {"warmth": 0.01} if variant == "warm" else {}
+    middle = {"load": 1.0, "speed": 1.0, "gain": 0.0, "warmth": 0.0}
+    for name, values in told.items():
+        off = np.array(values) - middle[name]
+        assert 0.9 * reach[name] <= off.max() <= reach[name]
+        assert -reach[name] <= off.min() <= -0.9 * reach[name]
+    assert {own.duration_s for own in drawn} == {7.0}
+    assert len({own.seed for own in drawn}) == 600
+
+
 @pytest.mark.parametrize("tacho", [True, False])
 def test_a_row_tells_the_first_flag_and_the_first_that_blames_a_tooth(monkeypatch, tacho):
     def flag(**told):

@@ -90,6 +90,8 @@ def test_rows_without_the_other_library(monkeypatch):
     rows = time_stiffness(repeats=1)
     assert [row["positions"] for row in rows] == [200, 5200, 1000, 1000, 1000]
     assert all(row["median_s"] > 0 and row["fastest_s"] <= row["median_s"] for row in rows)
+    for row in rows:
+        assert row["positions_per_s"] * row["median_s"] == pytest.approx(row["positions"])
     assert [row["times_healthy"] is not None for row in rows] == [False, True, False, False, False]
     for row in rows[3:]:
         assert row["ross_times_slower"] is None
