@@ -153,6 +153,9 @@ def test_tables_hold_what_arrived(address):
             assert row["Finding"].startswith("wear, stage 1, pinion: loss " if fault else "")
             assert bool(row["Finding"]) == fault
             assert told["state"] == "done"
+            # as the indicator goes with the number in the file
+            number = (day - 1) / 100 if fault or name == "a" else 0.1
+            assert float(told["rms, a1"]) == pytest.approx(1.0 + number)
     *_, failed = tables(Answer(address, "/machine?name=c").text)
     assert {row["Verdict"] for row in failed} == {"failed"}
     assert {row["Finding"] for row in failed} == {"cannot be used"}

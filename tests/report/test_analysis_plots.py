@@ -300,6 +300,13 @@ def test_the_burst_shows_at_the_tooth_where_it_was_put(faulty):
     assert highest.get_x() + 0.4 == pytest.approx(place, abs=1)
     assert f"tooth {profile.tooth}: " in texts(teeth)[0]
     assert "(flagged)" in texts(teeth)[0]
+    # one bar has a colour of its own, that of the tooth flagged, and its words stand above it
+    colours = [bar.get_facecolor() for bar in bars]
+    (flagged,) = (bar for bar in bars if colours.count(bar.get_facecolor()) == 1)
+    middle = flagged.get_x() + 0.4
+    assert middle == pytest.approx(place, abs=0.5)
+    (said,) = (own for own in teeth.texts if "(flagged)" in own.get_text())
+    assert said.xy[0] == pytest.approx(middle)
     assert f"highest at place {round(place)} of 23" in figure.alt
 
 

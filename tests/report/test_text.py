@@ -171,6 +171,15 @@ def test_words_hold_what_an_analysis_holds_number_by_number(faulty):
         assert word in analysis_text(unsure)
 
 
+def test_of_a_sound_machine_the_loss_is_told_that_would_have_been_noticed_on_any_gear(healthy):
+    known = healthy.analysis
+    noticed = (0.021, 0.078)
+    profiles = [replace(p, noticed_from=n) for p, n in zip(known.profiles, noticed, strict=True)]
+    for own in (profiles, profiles[::-1]):
+        text = analysis_text(replace(known, profiles=tuple(own)))
+        assert "a tooth that had lost 8 % of its pair's stiffness would have been noticed" in text
+
+
 def test_a_reference_is_told_recording_by_recording(healthy):
     profiles = tuple(
         replace(own, speed_hz=10.0 + number, duration_s=5.5 + number, tacho=number == 1)
