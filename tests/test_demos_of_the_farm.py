@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -65,6 +67,14 @@ def test_the_ground_shakes_as_hard_as_the_job_says_and_the_engine_at_35_hz(ridde
     assert samples.std() == pytest.approx(quiet, rel=0.02 if not bumps else 0.2)
 
 
+def test_every_job_and_axis_is_driven_on_ground_of_its_own(ridden):
+    """A common engine of 0.1 m/s2 is little beside it."""
+    folder = ridden[0].files["folder"]
+    jobs = [gearmon.read_recording(folder / f"{job}.csv").samples for job in farm._JOBS]
+    alike = np.corrcoef(np.concatenate(jobs))
+    assert np.abs(alike[np.triu_indices(len(alike), 1)]).max() < 0.2
+
+
 def test_a_day_of_a_harvester_is_recorded_sound_and_damaged_at_every_operating_point(
     tmp_path, monkeypatch
 ):
@@ -96,6 +106,131 @@ def test_a_day_of_a_harvester_is_recorded_sound_and_damaged_at_every_operating_p
     assert len({own["recording_seed"] for own in asked.values()}) == 2 * len(points)
     assert len({own["machine_seed"] for own in asked.values()}) == 1
     assert demo.facts == {"pictures": [], "best": "bearing"}
+
+
+def test_recordings_of_a_harvester_are_of_the_machine_at_that_point(tmp_path, monkeypatch):
+    monkeypatch.setattr(farm, "recorded", lambda path, _, **settings: (path, settings))
+    machine = load_machine(farm.given_file("tractor.toml", tmp_path, "machine.toml"))
+    for number, point in enumerate(machine.operating):
+        for fault in ("", farm.FAULT):
+            path, told = farm._recorded(machine, tmp_path, number, fault)
+            state = "damaged" if fault else "sound"
+            assert path == tmp_path / f"{point.name.split(',')[0]}-{state}.csv"
+            assert (told["point"], told["faults"]) == (point, [fault] if fault else [])
+            assert (told["channels"], told["duration_s"]) == (3, 12.0)
+
+
+@pytest.mark.parametrize("fault", ["", "crack:1:pinion:5:35%"])
+def test_sound_and_damaged_are_heard_at_one_load_with_one_wander(monkeypatch, fault):
+    asked = []
+
+    def simulate(_machine, faults, _duration_s, _rate_hz, **settings):
+        asked.append((faults, settings))
+        return SimpleNamespace(samples=np.full((3, 4), float(len(faults))))
+
+    monkeypatch.setattr(farm.gearmon, "simulate", simulate)
+    sound, damaged = farm._heard(None, 7, fault, 0.8)
+    assert [faults for faults, _ in asked] == [[], [fault]][: 2 if fault else 1]
+    assert (sound.max(), damaged.max()) == (0.0, 1.0 if fault else 0.0)
+    for _, settings in asked:
+        assert settings["load"] == 0.8
+        assert (settings["machine_seed"], settings["recording_seed"]) == (7, 7)
+        assert settings["snr_db"] is None
+
+
+@pytest.mark.parametrize("name", ["baler-1", "baler-2", "mixer-1", "mixer-4"])
+def test_a_machine_of_the_fleet_turns_bad_on_its_day(tmp_path, monkeypatch, name):
+    """A fault grows in a straight line from a tenth on its first day to all of it on the last."""
+    asked, loads = [], {}
+
+    def heard(machine, _seed, fault, load):
+        loads[load] = machine.name, fault
+        return load, fault
+
+    def stretch(own, share, _generator):
+        asked.append((own, share))
+        return np.tile(own[0] * np.cos(np.arange(64)), (3, 1))
+
+    monkeypatch.setattr(farm, "_heard", heard)
+    monkeypatch.setattr(farm, "_stretch", stretch)
+    monkeypatch.setattr(farm, "_elsewhere", lambda samples: -samples)
+    monkeypatch.setattr(farm.gearmon, "learn", lambda healthy, _: [own.origin for own in healthy])
+    learned = []
+    monkeypatch.setattr(farm.gearmon, "write_reference", lambda own, _: learned.extend(own))
+    (tmp_path / "inbox").mkdir()
+    farm._made(tmp_path, name)
+    what, first = farm.WRONG.get(name, ("", 60))
+    fault = what if ":" in what else ""
+    assert loads == {load: (name.split("-")[0], fault) for load in (0.8, 1.0)}
+    assert learned == [f"{name}, sound {number}" for number in range(1, 5)]
+    shares = [share for _, share in asked]
+    assert shares[: 4 + first] == [0.0] * (4 + first)
+    assert shares[4 + first :] == pytest.approx(np.linspace(0.1, 1.0, 60 - first))
+    files = sorted((tmp_path / "inbox").iterdir())
+    assert len(files) == 60
+    pinion, gear, speed = farm.KINDS[name.split("-")[0]]
+    machine = load_machine(tmp_path / f"{name}.toml")
+    assert (machine.stages[0].pinion_teeth, machine.stages[0].gear_teeth) == (pinion, gear)
+    assert machine.operating[0].speed_rpm == speed
+    for count, (file, (own, _)) in enumerate(zip(files, asked[4:], strict=True)):
+        day = farm.START + timedelta(days=count)
+        label = ("grass", "maize")[count % 2]
+        assert file.name.startswith(f"{name}_{day:%Y-%m-%dT%H}")
+        assert file.name.endswith(f"_{label}.npy")
+        assert own == (farm.LOADS[label], fault)
+        first_channel, *others = np.load(file)[:, 0].tolist()
+        assert others == pytest.approx([own[0]] * 2)
+        bad = count >= first
+        gain = {"dead sensor": 0.0, "moved sensor": -1.0}.get(what, 1.0) if bad else 1.0
+        assert first_channel == pytest.approx(gain * own[0])
+
+
+def test_the_fleet_is_read_as_it_was_written(tmp_path, monkeypatch):
+    class Pool:
+        def __init__(self, *_):
+            pass
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def map(self, _function, names):
+            made.extend(names)
+            for name in names:
+                (tmp_path / f"{name}.ref").touch()
+                known = {"kind": "mixer", "pinion": 17, "gear": 52, "speed": 1450.0}
+                farm.given_file("fleet_machine.toml", tmp_path, f"{name}.toml", **known)
+            return ()
+
+    made, shown = [], {}
+    monkeypatch.setattr(farm, "ProcessPoolExecutor", Pool)
+    monkeypatch.setattr(farm, "_rows", lambda _: [{"machine": "baler-1"}])
+    monkeypatch.setattr(farm, "read_latest", lambda store: [str(store)])
+    answer = SimpleNamespace(to_dict=lambda fleet: {"fleet": fleet.name})
+    monkeypatch.setattr(
+        farm, "run_fleet", lambda fleet, **_: (shown.update(fleet=fleet), answer)[1]
+    )
+    demo = farm.fleet_demo(tmp_path)
+    assert made == [f"{kind}-{n}" for kind in ("baler", "mower", "mixer") for n in range(1, 5)]
+    fleet = shown["fleet"]
+    assert [own.name for own in fleet.machines] == made
+    for own in fleet.machines:
+        assert Path(own.file) == tmp_path / f"{own.name}.toml"
+        assert Path(own.reference) == tmp_path / f"{own.name}.ref"
+        assert Path(own.recordings) == tmp_path / "inbox"
+        assert (own.sampling_rate_hz, own.limit) == (farm.RATE_HZ, 0.3)
+    assert demo.files == {
+        "folder": tmp_path,
+        "fleet file": tmp_path / "fleet.toml",
+        "store": fleet.store,
+    }
+    assert demo.facts["truth"] == {name: what for name, (what, _) in farm.WRONG.items()}
+    assert demo.facts["latest"] == [str(fleet.store)]
+    assert demo.facts["run"] == {"fleet": fleet.name}
+    assert "12 machines, 60 recordings of each, one a day." in demo.story
+    assert f"gearmon fleet serve {tmp_path / 'fleet.toml'}" in demo.story[-1]
 
 
 @pytest.mark.parametrize(("frequency_hz", "gain"), [(90.0, 0.505), (900.0, 5.0), (1800.0, 0.1663)])

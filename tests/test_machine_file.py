@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from gearmon.errors import MachineFileError
 from gearmon.machine import ParallelStage, PlanetaryStage, load_machine
 from gearmon.machine.fields import key_lines
+from gearmon.machine.parts import TABLES
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "signatures").glob("*.toml"))
 
@@ -164,6 +165,14 @@ def test_examples_load_without_notes_on_their_data(path):
     machine = load_machine(path)
     assert machine.stages
     assert machine.notes == ()
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_a_machine_is_made_again_of_its_dictionary(path):
+    known = load_machine(path)
+    again = load_machine(known.to_dict())
+    for part in (*TABLES.values(), "name"):
+        assert getattr(again, part) == getattr(known, part)
 
 
 # --- what is refused

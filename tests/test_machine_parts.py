@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import pickle
+import re
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ from hypothesis import strategies as st
 from gearmon.errors import ArgumentError
 from gearmon.machine import (
     Bearing,
+    Disc,
     FieldError,
     Machine,
     OperatingPoint,
@@ -21,10 +25,91 @@ from gearmon.machine import (
     Sensor,
     ShaftSection,
 )
-from gearmon.machine.fields import shown_value
+from gearmon.machine.fields import Number, shown_value
 
 POINT = OperatingPoint(speed_rpm=1200.0)
 PAIR = ParallelStage(pinion_teeth=8, gear_teeth=42)
+KINDS = (OperatingPoint, Bearing, ShaftSection, Disc, Sensor, ParallelStage, PlanetaryStage)
+# endings of keys, longer ones first
+UNITS = {
+    "_nm_per_rad": "Nm/rad",
+    "_ns_per_m": "Ns/m",
+    "_n_per_m": "N/m",
+    "_kgm2": "kg m2",
+    "_kgm3": "kg/m3",
+    "_nm2": "N m2",
+    "_rpm": "rpm",
+    "_deg": "deg",
+    "_pa": "Pa",
+    "_kg": "kg",
+    "_mm": "mm",
+    "_nm": "Nm",
+    "_n": "N",
+}
+
+
+def ranges(kind):
+    """Keys that hold numbers, with their rules."""
+    rules = {own.name: own.metadata.get("rule") for own in fields(kind)}
+    return {name: rule for name, rule in rules.items() if isinstance(rule, Number)}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_range_is_told_in_the_unit_that_ends_its_key(kind):
+    for name, rule in ranges(kind).items():
+        unit = next((unit for ending, unit in UNITS.items() if name.endswith(ending)), "")
+        assert (name, rule.unit) == (name, unit)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_number_is_held_to_its_range_by_both_ends(kind):
+    for name, rule in ranges(kind).items():
+        assert rule.low < rule.high, name
+        for end, beyond, is_open in (
+            (rule.low, -math.inf, rule.open_low),
+            (rule.high, math.inf, rule.open_high),
+        ):
+            inside = (rule.low + rule.high) / 2
+            whole = type(rule) is not Number
+            step = -1 if beyond < 0 else 1
+            outside = int(end) + step if whole else math.nextafter(end, beyond)
+            allowed = [int(end)] if whole else [end, math.nextafter(end, inside)][is_open:]
+            for value in allowed:
+                assert rule.checked(name, value) == value
+            for value in [outside, *([end] if is_open else [])]:
+                with pytest.raises(FieldError, match=re.escape(f"{name} = {value} must lie in ")):
+                    rule.checked(name, value)
+
+
+NUMBER = r"(-?[\d.]+)"
+TOLD = {
+    rf"{NUMBER} to {NUMBER}": (False, False),
+    rf"{NUMBER} to below {NUMBER}": (False, True),
+    rf"above {NUMBER} and up to {NUMBER}": (True, False),
+    rf"above {NUMBER} and below {NUMBER}": (True, True),
+    rf"above {NUMBER}": (True, False),
+    rf"{NUMBER} or more": (False, False),
+}
+
+
+def test_ranges_are_those_that_docstrings_tell():
+    found = set()
+    for kind in KINDS:
+        entries = re.findall(r"^([\w, ]+) : (?:int|float), (.*)$", inspect.getdoc(kind), re.M)
+        for names, told in entries:
+            told = re.sub(r", optional|optional, |^optional$", "", told)
+            if not told:
+                continue
+            match, opened = next(
+                (m, o) for own, o in TOLD.items() if (m := re.fullmatch(own, told))
+            )
+            for name in names.split(", "):
+                rule = ranges(kind)[name]
+                ends = [rule.low, rule.high][: len(match.groups())]
+                assert (name, ends) == (name, [float(own) for own in match.groups()])
+                assert (name, rule.open_low, rule.open_high) == (name, *opened)
+                found.add(name)
+    assert len(found) >= 12
 
 
 def test_numpy_numbers_are_numbers():
@@ -104,6 +189,19 @@ def test_planets_fit_when_their_tips_are_clear(sun, planet, deviation, planets):
     assert stage.tooth_deviation == deviation
     assert stage.equally_spaced == ((sun + ring) % planets == 0)
     assert len(stage.notes) == (deviation != 0) + (not stage.equally_spaced)
+
+
+@given(sun=st.integers(5, 100), planet=st.integers(5, 100), planets=st.integers(1, 8))
+def test_planets_overlap_where_their_circles_drawn_round_the_sun_do(sun, planet, planets):
+    radius, turns = (sun + planet) / 2, np.arange(planets) / planets
+    centres = radius * np.exp(2j * np.pi * turns)
+    apart = np.abs(centres[:, None] - centres)[~np.eye(planets, dtype=bool)].min(initial=np.inf)
+    known = {"sun_teeth": sun, "planet_teeth": planet, "ring_teeth": sun + 2 * planet}
+    if apart > planet * (1 + 1e-9):
+        assert PlanetaryStage(**known, planets=planets).planets == planets
+    elif apart < planet * (1 - 1e-9):
+        with pytest.raises(FieldError, match=rf"planets = {planets} is more than fits"):
+            PlanetaryStage(**known, planets=planets)
 
 
 def test_planets_may_touch_with_shortened_tips_but_not_overlap():

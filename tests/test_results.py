@@ -11,6 +11,7 @@ from inspect import isfunction, signature
 
 import numpy as np
 import pytest
+from reference.drawn_extent import badly_filled
 from reference.small_gearbox import CRACK, machine, simulated
 
 import gearmon
@@ -125,6 +126,10 @@ def test_pictures_are_drawn_and_their_axes_returned(name):
         assert np.size(result.plot(kind=kind)) == np.size(axes[kind])
         axes = axes[kind]
     first = np.ravel(axes)[0]
+    assert badly_filled(first.get_figure()) == []
+    if name == "modes":
+        # mesh harmonics end in the corner, whatever natural frequencies there are
+        assert badly_filled(first.get_figure(), 0.99, across=False) == []
     assert first.get_ylabel() or first.get_xlabel() or first.get_title("left")
 
 
@@ -137,6 +142,31 @@ def test_a_short_text_shows_short_fields_and_counts_long_ones():
 
     text = repr(Lines(few=(1, 2), many=tuple(range(100)), size=1 / 3))
     assert text == "Lines(few=(1, 2), many=<100>, size=0.333333)"
+
+
+def test_what_a_result_holds_comes_in_built_in_types_from_which_it_can_be_made_again():
+    @dataclass(frozen=True, kw_only=True)
+    class Held(Result):
+        lines: np.ndarray
+        line: complex
+        number: np.float64
+        names: frozenset[str]
+        inner: dict[int, tuple[np.ndarray, ...]]
+
+    lines = np.array([[1.0 + 2.0j, 3.0], [0.0, -4.0j]])
+    held = Held(
+        lines=lines,
+        line=5.0 - 6.0j,
+        number=np.float64(0.1),
+        names=frozenset({"a"}),
+        inner={1: (np.arange(3),)},
+    )
+    told = json.loads(json.dumps(held.to_dict()))
+    again = np.array(told["lines"]["real"]) + 1j * np.array(told["lines"]["imag"])
+    assert np.array_equal(again, lines)
+    assert told["line"] == {"real": 5.0, "imag": -6.0}
+    assert (told["number"], told["names"]) == (0.1, ["a"])
+    assert told["inner"] == {"1": [[0, 1, 2]]}
 
 
 def test_the_result_itself_is_no_option_of_its_picture():
@@ -156,8 +186,13 @@ def test_what_is_saved_is_read_again(tmp_path):
         result, suffix = results()[name], ".ref" if name == "reference" else ".csv"
         (path,) = result.save(tmp_path / f"{name}{suffix}")
         assert type(read(path)) is type(read(result) if name == "simulated" else result)
-    (path,) = results()["orders"].save(tmp_path / "orders.png")
-    assert path.read_bytes().startswith(b"\x89PNG")
+    # pictures in every format, and nothing in another
+    for ending, begin in ((".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")):
+        (path,) = results()["modes"].save(tmp_path / f"modes{ending}")
+        assert path == tmp_path / f"modes{ending}"
+        assert path.read_bytes().startswith(begin)
+    with pytest.raises(gearmon.GearmonError, match=r"ending of path='.jpg' is not one of .csv"):
+        results()["modes"].save(tmp_path / "modes.jpg")
     with pytest.raises(gearmon.GearmonError, match=r"ending of path=.*xlsx"):
         results()["orders"].save(tmp_path / "orders.xlsx")
 

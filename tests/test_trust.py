@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import platform
 import re
 import shlex
 import signal
@@ -21,7 +22,7 @@ import soundfile
 from scipy.io import savemat
 
 import gearmon.signals.recording
-from gearmon import cli
+from gearmon import __version__, cli
 from gearmon.cli import COMMANDS, main
 from gearmon.commands.command import judged
 from gearmon.errors import GearmonError
@@ -58,10 +59,15 @@ def test_an_error_of_our_own_has_its_own_exit_code_and_says_where_details_are(
     monkeypatch.setenv("TMPDIR", str(here))
     monkeypatch.setattr("tempfile.tempdir", None)
     failing(monkeypatch, ZeroDivisionError("no\nluck"))
+    monkeypatch.setattr("sys.argv", ["gearmon", "lines", "machine.toml"])
     assert main(["lines", "machine.toml"]) == 70
     (line,) = lines_of_error(capsys)
     assert "an error of gearmon's own (ZeroDivisionError: no luck)" in line
     details = Path(re.search(r"details are in (\S+),", line)[1]).read_text()
+    # what whoever mends it asks for first
+    versions, words, *_ = details.splitlines()
+    assert versions.startswith(f"gearmon {__version__}, Python {platform.python_version()}, ")
+    assert words == "gearmon lines machine.toml"
     assert "Traceback" in details
     assert "no\nluck" in details
 
@@ -203,6 +209,21 @@ def test_an_input_is_never_written_by_any_name(here, shop, capsys, link):
     assert main(["lines", str(machine), "-o", "other.csv"]) == 2
     assert "is read as well" in lines_of_error(capsys)[0]
     assert machine.read_bytes() == (shop / "machine.toml").read_bytes()
+
+
+def test_an_input_is_known_by_itself_and_not_by_what_is_like_it(here):
+    """A copy may be written, the same file by another name or a hard link may not."""
+    for name in ("read", "copy"):
+        (here / name).write_text("the same")
+    os.link(here / "read", here / "hard")
+    (here / "soft").symlink_to(here / "read")
+    with protecting("learn", ["read"], kept=["copy", "hard", "soft"]):
+        write_atomically("copy", "new")
+        for name in ("read", "hard", "soft", here / "read"):
+            with pytest.raises(GearmonError, match="is read as well; give another name"):
+                write_atomically(name, "new")
+    assert (here / "copy").read_text() == "new"
+    assert (here / "read").read_text() == "the same"
 
 
 def test_links_in_a_circle_are_refused(here, shop, capsys):

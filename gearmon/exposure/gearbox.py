@@ -165,7 +165,7 @@ def gear_share(
     part = sound_part(whole)
     if part.samples.shape[1] < whole.samples.shape[1]:
         channels = {axis.axis: axis.channel for axis in exposure.axes}
-        exposure = vibration_exposure(part, exposure.position, channels, limits=exposure.limits)
+        exposure = vibration_exposure(part, exposure.position, channels)
     signature = measure_signature(part, machine)
     found = GearShare(
         recording=exposure.recording,

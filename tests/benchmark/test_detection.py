@@ -188,7 +188,8 @@ def test_learning_is_trained_on_other_machines():
 
 
 def test_damage_falls_on_every_tooth_of_every_gear():
-    drawn, rng, seen = draw_machine(np.random.default_rng(2)), np.random.default_rng(3), {}
+    drawn, rng, seen = draw_machine(np.random.default_rng(0)), np.random.default_rng(3), {}
+    assert len(drawn.stages) == 2
     for _ in range(3000):
         found = detection._somewhere(rng, drawn, "tooth", 0.1)
         seen.setdefault((found.stage, found.gear), set()).add(found.tooth)
@@ -201,6 +202,73 @@ def test_damage_falls_on_every_tooth_of_every_gear():
     for place, own in seen.items():
         assert own <= teeth[place]
         assert {1, max(teeth[place])} <= own
+
+
+@pytest.mark.parametrize("variant", [*detection.VARIANTS, detection.WARM])
+def test_a_variant_changes_what_it_is_called_after_and_nothing_else(variant):
+    """Load by a fifth, speed by a fiftieth, gain by two, each way alike; else as operators can."""
+    rng = np.random.default_rng(4)
+    drawn = [detection._setting(rng, variant, 7.0) for _ in range(600)]
+    told = {name: [getattr(own, name) for own in drawn] for name in ("load", "speed", "warmth")}
+    told["gain"] = np.log2([own.gain for own in drawn])
+    reach = {"load": 0.02, "speed": 0.002, "gain": 0.0, "warmth": 0.0}
+    wide = {"load": 0.2, "speed": 0.02, "gain": 1.0}
+    reach |= wide if variant == "all" else {variant: wide[variant]} if variant in wide else {}
+    reach |= {"warmth": 0.01} if variant == "warm" else {}
+    middle = {"load": 1.0, "speed": 1.0, "gain": 0.0, "warmth": 0.0}
+    for name, values in told.items():
+        off = np.array(values) - middle[name]
+        assert 0.9 * reach[name] <= off.max() <= reach[name]
+        assert -reach[name] <= off.min() <= -0.9 * reach[name]
+    assert {own.duration_s for own in drawn} == {7.0}
+    assert len({own.seed for own in drawn}) == 600
+
+
+@pytest.mark.parametrize("tacho", [True, False])
+def test_a_row_tells_the_first_flag_and_the_first_that_blames_a_tooth(monkeypatch, tacho):
+    def flag(**told):
+        names = ("stage", "gear", "tooth", "false_alarm_probability", "stiffness_loss")
+        known = dict.fromkeys((*names, "stiffness_loss_low", "stiffness_loss_high"))
+        return SimpleNamespace(**known | told)
+
+    wear = flag(kind="wear", stage=1, gear="gear", false_alarm_probability=1e-3)
+    hurt = {"stiffness_loss": 0.2, "stiffness_loss_low": 0.1, "stiffness_loss_high": 0.4}
+    tooth = flag(kind="tooth damage", stage=1, gear="pinion", tooth=7, **hurt)
+    seen = []
+
+    def analysed(recording, machine, reference=None):
+        seen.append((recording, machine, reference))
+        known = {"flags": (wear, tooth), "verdict": "fault", "score": 5.0}
+        signature = SimpleNamespace(found=False)
+        return SimpleNamespace(**known, false_alarm_probability=1e-4, signature=signature)
+
+    monkeypatch.setattr(detection, "analyse", analysed)
+    monkeypatch.setattr(detection, "learn", lambda recordings, machine: (recordings, machine))
+    monkeypatch.setattr(detection, "tooth_error", lambda *given: (given, 0.25)[1])
+    recordings = [SimpleNamespace(vibration=lambda own=own: own) for own in ("first", "new")]
+    first, new = (SimpleNamespace(recording=own) for own in recordings)
+    judge = detection._judge(SimpleNamespace(machine="machine"), first, tacho)
+    told = judge(Condition(kind="tooth", stage=1, gear="pinion", tooth=7, size=0.3), new)
+    heard = recordings if tacho else ["first", "new"]
+    # once without a reference, once with what was learned of the first
+    assert seen == [
+        (heard[0], "machine", None),
+        (heard[1], "machine", ([heard[0]], "machine")),
+    ]
+    expected = {
+        "verdict": "fault",
+        "score": 5.0,
+        "probability": 1e-4,
+        "flags": "wear; tooth damage",
+    }
+    expected |= {"found_kind": "wear", "flag_probability": 1e-3, "tooth_flag": True, "loss": 0.2}
+    expected |= {"found_stage": 1, "found_gear": "pinion", "found_tooth": 7}
+    expected |= {"loss_low": 0.1, "loss_high": 0.4, "gear_right": True, "tooth_error": 0.25}
+    assert {key: own for key, own in told.items() if not key.endswith("_s")} == expected
+    told = judge(Condition(kind="tooth", stage=1, gear="gear", tooth=7, size=0.3), new)
+    assert (told["gear_right"], told["tooth_error"]) == (False, None)
+    told = judge(Condition(kind="wear", stage=1, gear="pinion", size=0.3), new)
+    assert "gear_right" not in told
 
 
 def test_distance_on_a_gear_goes_the_shorter_way():

@@ -11,6 +11,7 @@ from gearmon.benchmark import case_figures
 from gearmon.benchmark.detection import RIVALS, detection_summary
 from gearmon.benchmark.plots import (
     DETECTOR_STYLES,
+    detection_figures,
     plot_areas,
     plot_kinds,
     plot_reliability,
@@ -38,9 +39,9 @@ def row(rng, machine, condition, size, tacho):
         "tooth_flag": hurt,
         "found_stage": 1,
         "found_gear": "pinion" if rng.random() < 0.9 else "gear",
-        "gear_right": True if hurt else None,
+        "gear_right": machine % 4 > 0 if hurt else None,
         "tooth_error": float(rng.choice([0.1, 1.0, 2.0, 5.0])),
-        "loss": size * 1.1 if hurt else None,
+        "loss": size * (1.1 if machine % 2 else 0.9) if hurt else None,
         "loss_low": size * 0.8 if machine % 3 else size * 1.05,
         "loss_high": size * 1.4,
         "run_time_s": 0.4 + 0.1 * float(rng.random()),
@@ -112,6 +113,65 @@ def test_sizes_show_every_estimate(table, ax):
             assert np.exp(np.mean(np.log(at))) == pytest.approx(true, rel=0.02)
             assert len(set(at.tolist())) == len(at)
     plot_sizes(own[:0], Figure().add_subplot())
+
+
+def test_pictures_say_what_they_show_with_tacho_and_without(rows, table):
+    figures = detection_figures(rows)
+    said = {
+        name: {(ax.get_xlabel(), ax.get_ylabel()) for ax in figure.axes}
+        for name, figure in figures.items()
+    }
+    assert said == {
+        "roc": {("loss of one tooth's pair stiffness in %", "area under the ROC curve")},
+        "false-alarms": {
+            ("stated false-alarm probability", "observed share of healthy recordings")
+        },
+        "kinds": {("found", "true")},
+        "size": {("true loss in %", "estimated loss in %")},
+    }
+    summary = pd.DataFrame(detection_summary(rows))
+    for place, tacho in enumerate((True, False)):
+        areas, sizes = (figures[name].axes[place] for name in ("roc", "size"))
+        assert (
+            areas.get_title() == sizes.get_title() == ("with tacho" if tacho else "without tacho")
+        )
+        own = summary[(summary["figure"] == "ROC area") & (summary["tacho"] == tacho)]
+        for line in areas.lines:
+            told = own[own["detector"] == line.get_label()]
+            if len(told):
+                assert line.get_ydata() == pytest.approx(told["value"])
+                losses = 100 * told["of"].str.removeprefix("loss ").astype(float)
+                assert line.get_xdata() == pytest.approx(losses, rel=0.15)
+        ends = np.concatenate([own.get_segments() for own in areas.collections])[:, :, 1]
+        told = own[own["detector"].isin(DETECTOR_STYLES)][["low", "high"]].to_numpy()
+        np.testing.assert_allclose(np.sort(ends, axis=0), np.sort(told, axis=0))
+        # of a gear that is not hurt no loss can be right
+        right = table["gear_right"].eq(True) & (table["condition"] == "tooth")
+        hurt = table[(table["tacho"] == tacho) & right]
+        assert 0 < len(hurt) < (table["tacho"] == tacho).sum()
+        dots = [len(line.get_xdata()) for line in sizes.lines if line.get_marker() == "."]
+        assert sum(dots) == len(hurt)
+    (alarms,) = figures["false-alarms"].axes
+    with_tacho, without, stated = alarms.lines
+    for line, tacho in ((with_tacho, True), (without, False)):
+        own = table[(table["tacho"] == tacho) & (table["condition"] == "healthy")]["probability"]
+        for level in (0.1, 0.5, 0.9):
+            share = line.get_ydata()[line.get_xdata() <= level]
+            assert max(share, default=0.0) == pytest.approx((own <= level).mean())
+        word = "with" if tacho else "without"
+        assert line.get_label() == f"{word} tacho, {len(own)} healthy recordings"
+    assert list(stated.get_xdata()) == list(stated.get_ydata())
+    (kinds,) = figures["kinds"].axes
+    names = [
+        [own.get_text() for own in ticks]
+        for ticks in (kinds.get_xticklabels(), kinds.get_yticklabels())
+    ]
+    own = table[table["tacho"]]
+    found = own["found_kind"].where(own["found_kind"] != "", own["verdict"])
+    for text in kinds.texts:
+        column, row = text.get_position()
+        is_there = (own["condition"] == names[1][row]) & (found == names[0][column])
+        assert int(text.get_text()) == is_there.sum()
 
 
 def test_files(rows, tmp_path):

@@ -19,7 +19,7 @@ from gearmon.benchmark.dynamics import (
     sweep_rows,
     with_ratios,
 )
-from gearmon.benchmark.equations import CASES, QUICK, growing_turn, square_wave
+from gearmon.benchmark.equations import CASES, QUICK, Case, growing_turn, pair, square_wave
 from gearmon.benchmark.timing import facts_of_run, interleaved
 from gearmon.dynamics import steady_state
 from gearmon.errors import ArgumentError
@@ -235,3 +235,60 @@ def test_long_task_runs_once():
 
     (timing,) = interleaved([task], most=9, budget_s=1e-7)
     assert len(calls) == timing.repeats == 1
+
+
+@pytest.mark.parametrize(("zeta", "ratio"), [(None, None), (0.05, None), (None, 2.0), (0.2, 0.5)])
+@pytest.mark.parametrize("meshes", [1, 26])
+def test_a_pair_has_the_damping_the_resonance_and_the_period_that_are_told(zeta, ratio, meshes):
+    """zeta = c/(2 sqrt(k m)); w0/w counts mesh frequencies, of which a period has some."""
+    found = pair([0.1, 0.02j], zeta, ratio, meshes)
+    stiffness, mass = found.stiffness_n_per_m, found.mass_kg
+    damping = found.damping_ns_per_m / (2 * np.sqrt(stiffness * mass))
+    assert damping == pytest.approx(0.3007 if zeta is None else zeta, rel=1e-3)
+    natural_hz = np.sqrt(stiffness / mass) / (2 * np.pi)
+    mesh_hz = meshes / found.period_s
+    assert natural_hz / mesh_hz == pytest.approx(13.6115 if ratio is None else ratio, rel=1e-5)
+    assert found.stiffness_harmonics.tolist() == [0.1, 0.02j]
+    for name, case in CASES.items():
+        if name.startswith(("resonance", "damping")):
+            own = case().problem
+            known = {"w": 1.0, "2w": 2.0, "w/2": 0.5, "13.6w": 13.6}.get(name.split()[1])
+            natural_hz = np.sqrt(own.stiffness_n_per_m / own.mass_kg) / (2 * np.pi)
+            assert known is None or natural_hz * own.period_s == pytest.approx(known)
+
+
+def test_a_rectangle_is_that_of_its_fourier_sum():
+    case, share = Case(problem=pair(square_wave(4000)), rectangle=0.13), np.arange(200) / 200
+    j = np.arange(1, 4001)
+    waves = np.exp(2j * np.pi * np.outer(share, j))
+    summed = 1 + 2 * (waves @ case.problem.stiffness_harmonics).real
+    away = np.abs((share - 0.25 + 0.25) % 0.5 - 0.25) > 0.01
+    np.testing.assert_allclose(summed[away], case.level(share)[away], atol=2e-3)
+    assert case.level([0.0, 0.5]).tolist() == [1.13, 0.87]
+
+
+@pytest.mark.parametrize("meshes", [7, 26])
+def test_a_turn_dips_once_about_its_beginning_under_the_waves_of_its_meshes(meshes):
+    """A Gaussian of a tenth, a quarter mesh period wide, but for its mean, and the square waves."""
+    found = growing_turn(meshes)
+    place = np.arange(40 * meshes) / 40
+    j = np.arange(1, len(found.stiffness_harmonics) + 1)
+    waves = np.exp(2j * np.pi * np.outer(place / meshes, j))
+    stiffness = 2 * (waves @ found.stiffness_harmonics).real
+    k = np.arange(1, 11)
+    mesh = 2 * (np.exp(2j * np.pi * np.outer(place, k)) @ square_wave(10)).real
+    away = (place + meshes / 2) % meshes - meshes / 2
+    dip = -0.1 * np.exp(-0.5 * (away / 0.25) ** 2)
+    np.testing.assert_allclose(stiffness - mesh, dip - dip.mean(), atol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "meshes"), [("cracked tooth", 26), ("hunting period", 26 * 53)])
+def test_cases_of_cracks_have_ten_harmonics_a_mesh_over_their_whole_period(name, meshes):
+    case = CASES[name]()
+    harmonics = case.problem.stiffness_harmonics
+    assert (case.meshes, len(harmonics)) == (meshes, 10 * meshes)
+    assert case.problem.period_s == pytest.approx(meshes * 1.6e-3)
+    # the mesh stands out of what the crack leaves between its harmonics
+    mesh = np.abs(harmonics[meshes - 1 :: meshes])
+    between = np.delete(np.abs(harmonics), np.s_[meshes - 1 :: meshes])
+    assert mesh[0] > 10 * between.max() > 0

@@ -56,6 +56,31 @@ def test_small_multiples_leave_out_what_has_no_figures():
     assert names == ["steady_state", "compiled RK4"]
 
 
+def test_every_panel_draws_run_time_over_error_of_its_case_in_the_units_that_are_said():
+    figure = dynamics_figures(ROWS)[""]
+    assert figure.get_supxlabel().startswith("relative L2 error of acceleration")
+    assert figure.get_supylabel() == "median run time in s"
+    for ax in figure.axes:
+        own = [r for r in ROWS if r["case"] == ax.get_title() and r["error"] is not None]
+        drawn = {
+            line.get_label(): list(zip(*line.get_data(), strict=True))
+            for line in ax.lines
+            if not line.get_label().startswith("_")
+        }
+        methods = dict.fromkeys(r["method"] for r in own)
+        assert drawn == {
+            name: [(r["error"], r["median_s"]) for r in own if r["method"] == name]
+            for name in methods
+        }
+        assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
+        (target,) = (line for line in ax.lines if line.get_label().startswith("_"))
+        assert set(target.get_xdata()) == {1e-6}
+        # nothing drawn lies beyond the ends
+        right, left = ax.get_xlim()
+        assert left < min(r["error"] for r in own)
+        assert right > max(r["error"] for r in own)
+
+
 def test_files(tmp_path):
     (path,) = save_all(case_figures("dynamics", ROWS), tmp_path / "b.png")
     assert path.name == "b.png"

@@ -126,3 +126,20 @@ def test_growing_turn_grows_in_proportion():
 
 def test_steps_that_all_meet_the_error_end_at_the_fewest():
     assert least_within(1.0, 20.0, lambda n: 1 / n, 4) == 4
+
+
+@pytest.mark.parametrize("highest", [2, 5])
+def test_the_band_matrix_multiplies_by_the_stiffness(highest):
+    """Row n, column m holds c of n - m, of a real stiffness the conjugate below zero."""
+    harmonics = np.array([0.2 + 0.1j, -0.05j, 0.01 + 0.3j])
+    bands = rivals.band(harmonics, highest)
+    width, count = len(bands) // 2, 2 * highest + 1
+    dense = np.zeros((count, count), dtype=complex)
+    for row in range(count):
+        for column in range(max(0, row - width), min(count, row + width + 1)):
+            dense[row, column] = bands[width + row - column, column]
+    known = np.zeros(2 * count, dtype=complex)
+    known[1 : 1 + len(harmonics)] = harmonics
+    known[-1 : -1 - len(harmonics) : -1] = harmonics.conj()
+    places = np.arange(count)
+    np.testing.assert_array_equal(dense, known[np.subtract.outer(places, places)])

@@ -90,6 +90,8 @@ def test_rows_without_the_other_library(monkeypatch):
     rows = time_stiffness(repeats=1)
     assert [row["positions"] for row in rows] == [200, 5200, 1000, 1000, 1000]
     assert all(row["median_s"] > 0 and row["fastest_s"] <= row["median_s"] for row in rows)
+    for row in rows:
+        assert row["positions_per_s"] * row["median_s"] == pytest.approx(row["positions"])
     assert [row["times_healthy"] is not None for row in rows] == [False, True, False, False, False]
     for row in rows[3:]:
         assert row["ross_times_slower"] is None
@@ -195,7 +197,10 @@ def test_analysis_against_reading(monkeypatch):
             "ratio_to_pandas",
         }
         assert 0 < row["fastest_s"] <= row["median_s"]
-    assert rows[1]["ratio_to_pandas"] == 1.0
+    pandas_s = rows[1]["median_s"]
+    assert [row["ratio_to_pandas"] for row in rows] == [row["median_s"] / pandas_s for row in rows]
+    # of whole rows, in four channels
+    assert {(row["rows"], row["channels"]) for row in rows} == {(round(4266.6667 * 2.0), 4)}
     assert seen == [0.5, 1.0]
     json.dumps(rows, allow_nan=False)
 
@@ -236,3 +241,22 @@ def test_timings_tell_the_median_and_the_fastest():
 def test_unknown_case_is_refused():
     with pytest.raises(ArgumentError, match="case='speed' must be one of analyse, memory"):
         run_case("speed")
+
+
+def test_rivals_work_on_the_same_samples(monkeypatch):
+    """But for the smooth neighbour of a prime, which is shorter by next to nothing."""
+    timed = {}
+    monkeypatch.setattr(tasks, "_timed", lambda case, own, *_: timed.update({case: own}) or [])
+    tasks._spectra(1 << 16, 1)
+    assert len(timed) == 5
+    for case, own in timed.items():
+        sizes = {name: len(task.args[0]) for name, task in own.items() if isinstance(task, partial)}
+        smooth = sizes.pop("smooth neighbour", None)
+        (size,) = set(sizes.values())
+        if smooth is None:
+            assert size == 1 << 16
+        else:
+            assert "prime" in case
+            assert all(size % own for own in range(2, 257))
+            assert 0.98 * size < smooth < size
+            assert smooth % 1000 == 0

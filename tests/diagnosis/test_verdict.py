@@ -33,6 +33,7 @@ from gearmon.diagnosis.verdict import (
     fault_sentence,
     level_changes,
     limits,
+    not_found,
     reason,
     sentences,
     taken_for_granted,
@@ -602,3 +603,13 @@ def test_two_teeth_are_several_whatever_the_sidebands_are_like():
     assert flags_of(evidence(gear(pair)), like_runout)[0].kind == "several teeth"
     smooth = flags_of(evidence(gear(None, smooth=0.4)), like_runout)[0]
     assert smooth.kind == "eccentricity"
+
+
+def test_meshes_that_are_not_found_are_named_with_the_reason_and_no_others():
+    known = [(1, True, ""), (2, False, "too faint"), (3, False, "too fast")]
+    names = ("stage", "found", "reason")
+    meshes = [SimpleNamespace(**dict(zip(names, own, strict=True))) for own in known]
+    assert list(not_found(SimpleNamespace(meshes=meshes))) == [
+        "mesh of stage 2 not found: too faint",
+        "mesh of stage 3 not found: too fast",
+    ]

@@ -141,6 +141,18 @@ def test_a_picture_of_the_day_holds_its_curve_and_the_limits_that_are_near(rms, 
         assert text == f"{name} value {value:g}{when}"
 
 
+def test_the_interval_of_a_dose_is_drawn_from_its_low_to_its_high_end():
+    day = sum_up(plan(8.0), [[felt(axis("z", 0.6))]])
+    doses = tuple(replace(own, low=0.9 * own.value, high=1.5 * own.value) for own in day.doses)
+    for ax, dose in zip(np.ravel(replace(day, doses=doses).plot()), doses, strict=True):
+        (bars,) = ax.containers
+        ((begin, end),) = bars.lines[2][0].get_segments()
+        assert (begin.tolist(), end.tolist()) == (
+            [8.0, pytest.approx(dose.low)],
+            [8.0, pytest.approx(dose.high)],
+        )
+
+
 def test_a_day_at_the_action_value_is_flagged():
     at_it = sum_up(plan(8.0), [[felt(axis("z", 0.5))]])
     assert at_it.doses[0].value == 0.5

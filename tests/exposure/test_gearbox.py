@@ -9,10 +9,11 @@ from functools import cache
 import numpy as np
 import pytest
 from reference.small_gearbox import machine
+from reference.told_numbers import untold, with_units
 
 import gearmon
 from gearmon.errors import GearmonError
-from gearmon.exposure import WEIGHTINGS
+from gearmon.exposure import WEIGHTINGS, DayPlan, Job, seat_factor, sum_up
 from gearmon.exposure.gearbox import _orders
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import load_machine
@@ -227,3 +228,23 @@ def test_a_recording_without_a_mesh_has_no_share():
     assert told.speed_hz is None
     assert told.headline().startswith("no mesh found")
     assert told.rows() == []
+
+
+def test_numbers_in_words_are_those_of_the_result_in_its_units():
+    generator = np.random.default_rng(4)
+    rows = np.array([[1.0], [2.0], [3.0]]) * generator.normal(size=(3, 92_000))
+    known = {"channel_names": ("x", "y", "z"), "units": ("m/s2",) * 3, "origin": "ride.csv"}
+    ride = Recording(samples=rows, sampling_rate_hz=400.0, **known)
+    seat = gearmon.vibration_exposure(ride, "seat")
+    jobs = [Job(name=own, recording="ride.csv", hours=hours) for own, hours in (("a", 3), ("b", 4))]
+    day = sum_up(DayPlan(jobs=tuple(jobs)), [[seat], [replace(seat, duration_s=900.0)]])
+    assert [dose.measure for dose in day.doses] == ["A(8)", "VDV"]
+    shares = found("wear:1:pinion:all:20%")
+    for own, least in ((seat, 3), (exposure(), 3), (day, 5), (shares, 2)):
+        text = "\n".join([own.headline(), *exposure_lines(own), own._repr_html_()])
+        # what is said of limits of the standards is no number of the recording
+        text = "\n".join(line for line in text.splitlines() if not line.startswith("note: "))
+        assert len(with_units(text)) >= least
+        assert untold(text, own.to_dict()) == []
+    assert f"{shares.axes[1]} {100 * shares.share[1]:.2g} %" in shares.headline()
+    assert with_units(exposure_lines(seat_factor(seat, seat))[0]) == []

@@ -254,6 +254,24 @@ def test_the_running_rms_is_weighted_and_counted_with_the_factor_of_its_axis():
     assert [axis.factor for axis in found.axes] == [1.4, 1.4, 1.0]
 
 
+@pytest.mark.parametrize(("position", "low", "high"), [("seat", 0.5, 80.0), ("hand", 8.0, 1000.0)])
+@pytest.mark.parametrize("times", [2.5, 10.0])
+def test_third_octaves_go_a_band_beyond_what_is_counted_or_as_far_as_the_rate(
+    position, low, high, times
+):
+    """Centres 10^(n/10); the last ends below half the rate and the next would not."""
+    rate = times * high
+    own = felt(noise(15.0, rate=rate)[0], position=position, rate=rate)
+    bands = 10 * np.log10(own.band_hz)
+    np.testing.assert_allclose(bands, np.round(bands[0]) + np.arange(len(bands)), atol=1e-9)
+    assert own.band_hz[0] == pytest.approx(low, rel=0.03)
+    assert own.band_hz[-1] * 10**0.05 <= rate / 2 * (1 + 1e-9)
+    beyond = own.band_hz[-1] >= 1.2 * high
+    assert beyond or own.band_hz[-1] * 10**0.15 > rate / 2
+    assert own.band_hz[-1] < 1.3 * high
+    assert own.band_ms2.shape == (1, len(bands))
+
+
 def test_third_octaves_hold_what_was_recorded():
     found = felt(sine(10**0.6, 2.0, seconds=300.0) + 9.81)
     band = np.argmin(np.abs(found.band_hz - 10**0.6))

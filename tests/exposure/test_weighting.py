@@ -142,6 +142,14 @@ def test_a_constant_is_nothing(name):
     assert np.abs(left[-10:]).max() < 1e-6
 
 
+def test_a_filter_is_the_own_of_who_asks_for_it():
+    own = WEIGHTINGS["Wk"]
+    first = own.sections(1000.0)
+    kept = first.copy()
+    first *= 0.0
+    assert np.array_equal(own.sections(1000.0), kept)
+
+
 def test_a_filter_at_a_rate_far_above_its_band_is_stable_and_right():
     own, rate, seconds = WEIGHTINGS["Wf"], 50_000.0, 120.0
     time = np.arange(round(rate * seconds)) / rate

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import threading
+from dataclasses import replace
+from email import message_from_bytes, policy
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
@@ -88,6 +90,54 @@ def test_a_letter_has_one_subject_whatever_machines_are_called(tmp_path, monkeyp
         send()
 
 
+def test_every_way_of_telling_tells_the_same_alarm(tmp_path, monkeypatch):
+    sent = {}
+    monkeypatch.setattr("gearmon.fleet.ledger._run", lambda words, told: sent.update({words: told}))
+    monkeypatch.setattr("gearmon.fleet.ledger._post", lambda url, told: sent.update({url: told}))
+    ways = {"command": ["a", "b"], "webhook": "http://c/", "mail": ["d@e.org", "f@g.org"]}
+    hook = "".join(f"{way} = {json.dumps(own)}\n" for way, own in ways.items())
+    fleet = worn(tmp_path, f"[[alarm]]\n{hook}")
+    (alarm,) = alarms(fleet)
+    keys = ("machine", "class", "finding", "since")
+    body = {key: alarm[key] for key in keys}
+    expected = {"machine": "a", "class": "maize", "finding": "wear, stage 1, pinion"}
+    assert body == expected | {"since": "2026-03-01T00:00:00Z"}
+    told = []
+    for name, send in _targets(fleet.hooks[0], fleet.machines[0], alarm):
+        send()
+        told.append(name)
+    names = ["command a", "webhook http://c/", "mail d@e.org", "mail f@g.org"]
+    assert told == names
+    assert json.loads(sent["a", "b"]) == json.loads(sent["http://c/"]) == body | {"tags": ["old"]}
+    # the last letter, for both go to one program
+    letter = message_from_bytes(sent["sendmail", "-t", "-oi"], policy=policy.default)
+    assert letter["To"] == "f@g.org"
+    assert letter["Subject"] == "a: wear, stage 1, pinion"
+    lines = dict(line.split(": ", 1) for line in letter.get_content().splitlines())
+    assert lines == body
+
+
+@pytest.mark.parametrize("way", ["over", "acknowledged", "left", "told", "stands"])
+def test_of_an_alarm_is_told_while_it_stands_and_nobody_knows_of_it(tmp_path, way):
+    told = tmp_path / "told"
+    fleet = worn(tmp_path, f'[[alarm]]\ncommand = ["tee", "{told}"]')
+    if way == "over":
+        for day in range(2, 5):
+            arrive(tmp_path, "a_{}_maize.txt", "0.1", days=day)
+        run_fleet(fleet, at_once)
+    elif way == "acknowledged":
+        acknowledge(fleet, alarms(fleet)[0]["id"])
+    elif way == "left":
+        fleet = replace(fleet, machines=fleet.machines[1:])
+    elif way == "told":
+        deliver(fleet)
+        told.unlink()
+    (alarm,) = alarms(fleet)
+    assert alarm["over"] == (way == "over")
+    assert deliver(fleet) == []
+    assert told.exists() == (way == "stands")
+
+
 def test_one_who_cannot_be_told_is_tried_for_one_alarm_only(tmp_path, monkeypatch):
     fleet = worn(tmp_path, '[[alarm]]\nwebhook = "http://127.0.0.1:9/"')
     for day in range(2):
@@ -164,8 +214,10 @@ def test_one_that_begins_earlier_after_a_late_recording_is_the_same_alarm(tmp_pa
     assert alarm["told"] == ["command true"]
 
 
-@given(st.lists(st.booleans(), max_size=30), st.integers(1, 4), st.integers(1, 4))
-def test_alarms_begin_and_end_where_streaks_do(found, after, clear):
+@given(st.lists(st.integers(1, 6), max_size=9), st.integers(1, 4), st.integers(1, 4))
+def test_alarms_begin_and_end_where_streaks_do(lengths, after, clear):
+    # streaks without and with it, in turn
+    found = [bool(n % 2) for n, length in enumerate(lengths) for _ in range(length)]
     rows = [(float(t), {"wear"} if there else set()) for t, there in enumerate(found)]
     told = list(episodes(rows, after, clear))
     # told apart by a slow and obvious automaton

@@ -9,7 +9,7 @@ import signal
 import sqlite3
 import time
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -32,8 +32,9 @@ from gearmon.errors import ArgumentError, GearmonError, MachineFileError, Signat
 from gearmon.fleet import alarms, read_fleet, run_fleet, watch_fleet
 from gearmon.fleet import run as running
 from gearmon.fleet.ledger import compare, rank, write_results
-from gearmon.fleet.plan import arrived
+from gearmon.fleet.plan import FleetMachine, Hook, arrived
 from gearmon.fleet.run import analysed
+from gearmon.signals.recording import Recording
 
 
 def test_progress_rises_from_the_first_recording_to_all_of_them(tmp_path):
@@ -65,6 +66,31 @@ def test_what_is_new_is_analysed_once_and_kept_in_one_store(tmp_path):
     arrive(tmp_path, "a_{}.txt", "0.25")
     assert run_fleet(fleet, at_once).done == 1
     assert [own.score for own in read_history(fleet.store, "a").entries] == [0.25]
+
+
+def test_the_answer_of_a_run_tells_all_that_it_did_and_only_alarms_that_stand(tmp_path):
+    fleet = made_fleet(tmp_path)
+    for day, text in enumerate(("fault 0.1", "fault 0.1", "0.1", "0.1", "0.1")):
+        arrive(tmp_path, "a_{}.txt", text, days=day)
+        arrive(tmp_path, "b_{}.txt", "bad" if day == 4 else "fault 0.1", days=day)
+    arrive(tmp_path, "notes.txt", "0.2")
+    growing = arrive(tmp_path, "a_{}.txt", "0.1", days=9)
+    before = {job.path: job.state for job in arrived(fleet)[0]} | {str(growing): ("smaller",)}
+    run = run_fleet(fleet, at_once, before=before)
+    told = run.to_dict(fleet)
+    assert (told["fleet"], told["store"]) == (fleet.name, str(fleet.store))
+    assert (run.done, told["analysed"]) == (9, 9)
+    assert told["failed"] == [
+        {"recording": str(tmp_path / "inbox" / "b_2026-03-05.txt"), "why": "cannot be used"}
+    ]
+    (refused,) = told["not_taken"]
+    assert refused["recording"] == str(tmp_path / "inbox" / "notes.txt")
+    assert refused["why"] == run.refused[refused["recording"]]
+    assert told["being_written"] == [str(growing)]
+    assert told["ledger"] == {"being written": 1, "done": 9, "failed": 1}
+    assert told["results"] == [str(path) for path in run.results]
+    assert {own["machine"]: own["over"] for own in alarms(fleet)} == {"a": True, "b": False}
+    assert [own["machine"] for own in told["alarms"]] == ["b"]
 
 
 def test_results_are_parquet_that_pandas_and_others_read(tmp_path):
@@ -328,6 +354,20 @@ def test_watching_takes_what_is_the_same_in_two_looks(tmp_path, monkeypatch):
     assert [look.done for look in looks] == [1, 1]
 
 
+@pytest.mark.parametrize("text", ["0.1", "bad", None])
+def test_a_look_is_told_of_if_it_did_anything_be_it_in_vain(tmp_path, monkeypatch, text):
+    fleet, told, waited = made_fleet(tmp_path), [], []
+    monkeypatch.setattr(running.time, "sleep", waited.append)
+    if text:
+        arrive(tmp_path, "a_{}.txt", text)
+    watch_fleet(fleet, at_once, every_s=7.0, told=told.append, rounds=3)
+    # what is the same in two looks is ready at the second; nothing is waited for after the last
+    assert [(run.done, len(run.failed)) for run in told] == (
+        [] if text is None else [(1, 0)] if text == "0.1" else [(0, 1)]
+    )
+    assert waited == [7.0, 7.0]
+
+
 def test_two_runners_do_not_share_a_fleet(tmp_path):
     fleet = made_fleet(tmp_path)
     with running._alone(fleet), pytest.raises(ArgumentError, match="another gearmon fleet"):
@@ -363,6 +403,7 @@ def test_a_recording_that_kills_its_process_is_isolated(tmp_path, monkeypatch):
         (PATTERN, "(?P<day>.*)", "must have the group"),
         (PATTERN, "(?P<machine>.*)", "must have the group"),
         (PATTERN, "(?P<time>", "no regular expression"),
+        (PATTERN, "(?P<time>.*)(?P<day>.*)", "may have machine and class, no others"),
         ('name = "b"', 'name = "a"', "another machine"),
         ('name = "b"', 'name = "b"\nlimit = 20', "must lie in"),
         ('name = "b"', 'name = "b"\nalarm_on = ["fualt"]', 'did you mean "fault"'),
@@ -378,6 +419,75 @@ def test_mistakes_are_said_with_file_key_and_value(tmp_path, old, new, message):
         read_fleet(path)
     assert message in str(caught.value)
     assert "toml" in str(caught.value)
+
+
+OF_A_MACHINE = {own.name for own in fields(FleetMachine)}
+OF_A_HOOK = {own.name for own in fields(Hook)}
+TABLES = {
+    "": {"name", "store", "results", "defaults", "machine", "alarm"},
+    "[defaults]": OF_A_MACHINE - {"name"},
+    "[[machine]]": OF_A_MACHINE,
+    "[[alarm]]": OF_A_HOOK,
+}
+
+
+@pytest.mark.parametrize("head", TABLES)
+def test_a_key_that_belongs_elsewhere_is_refused(tmp_path, head):
+    """Keys of other tables, and words that a person may take for a key."""
+    made_fleet(tmp_path, more='[[alarm]]\ncommand = ["true"]\n')
+    path = tmp_path / "fleet.toml"
+    text = path.read_text()
+    words = {"hook", "hooks", "alarms", "machines", "operating", "stage", "sensor", "email", "url"}
+    for key in sorted(set().union(words, *TABLES.values()) - TABLES[head]):
+        line = f"{key} = 1\n"
+        path.write_text(text.replace(f"{head}\n", f"{head}\n{line}", 1) if head else line + text)
+        with pytest.raises(MachineFileError, match=rf"{key} is not a known key"):
+            read_fleet(path)
+
+
+def test_what_a_machine_says_itself_goes_before_what_all_say(tmp_path):
+    own = "limit = 0.2\nalarm_after = 5\ntags = ['old']"
+    fleet = made_fleet(tmp_path, ("a",), per_machine=own)
+    path = tmp_path / "fleet.toml"
+    shared = "limit = 0.4\nalarm_after = 9\nalarm_clear = 7\ntags = ['new']\n"
+    more = '[[machine]]\nname = "b"\n'
+    path.write_text(path.read_text().replace("[defaults]\n", f"[defaults]\n{shared}") + more)
+    a, b = read_fleet(path).machines
+    assert (a.limit, a.alarm_after, a.alarm_clear, a.tags) == (0.2, 5, 7, ("old",))
+    assert (b.limit, b.alarm_after, b.alarm_clear, b.tags) == (0.4, 9, 7, ("new",))
+    assert fleet.machines[0].alarm_clear == 3
+
+
+def test_a_recording_is_judged_as_its_machine_says(tmp_path, monkeypatch):
+    """By its own name, at its rate, in its columns, and with its reference if it has one."""
+    asked = {}
+
+    def read(file, **settings):
+        asked.update(settings, file=file)
+        return made_recording
+
+    def analyse(*given):
+        asked["analysed"] = given
+        return "analysis"
+
+    made_recording = Recording(samples=np.eye(2, 20), sampling_rate_hz=100.0)
+    monkeypatch.setattr(running, "read_recording", read)
+    monkeypatch.setattr("gearmon.diagnosis.analysis.analyse", analyse)
+    monkeypatch.setattr(running, "read_reference", lambda path: f"read from {path}")
+    (tmp_path / "healthy.ref").touch()
+    known = "sampling_rate_hz = 5120.0\nsensors = ['a2', 1]\nreference = 'healthy.ref'"
+    for settings, columns, rate in ((known, ["a2", 1], 5120.0), ("", None, None)):
+        (machine,) = made_fleet(tmp_path, ("tractor7",), per_machine=settings).machines
+        judged = running.judged(machine, "copy", "s3://bucket/original")
+        analysis, recording, reference, own = judged
+        assert asked["file"] == "copy"
+        assert asked["channels"] in (None, tuple(columns or ()))
+        assert bool(asked["channels"]) == bool(columns)
+        assert (asked["sampling_rate_hz"], asked["sensors"]) == (rate, own.sensors)
+        assert recording.origin == "s3://bucket/original"
+        assert own.name == "tractor7"
+        assert reference == (f"read from {tmp_path / 'healthy.ref'}" if settings else None)
+        assert (analysis, asked["analysed"]) == ("analysis", (recording, own, reference))
 
 
 # -- kills
@@ -446,7 +556,7 @@ def test_alarms_are_raised_and_cleared_by_class(tmp_path):
 
 def test_an_alarm_does_not_hang_on_the_tooth(tmp_path):
     fleet = made_fleet(tmp_path, ("a",))
-    for day, tooth in enumerate((5, 6, 5)):
+    for day, tooth in enumerate((5, 16, 105)):
         arrive(tmp_path, "a_{}.txt", f"tooth {tooth} 0.1", days=day)
     run_fleet(fleet, at_once)
     assert [own["finding"] for own in alarms(fleet)] == ["tooth damage, stage 1, pinion"]

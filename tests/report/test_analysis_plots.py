@@ -257,6 +257,26 @@ def test_changes_are_coloured_symmetrically_and_framed_beyond_scatter(faulty):
     assert image.get_array()[groups.index("mesh 1"), column] == pytest.approx(change.change_db)
 
 
+def test_rows_of_changes_are_named_by_what_repeats(faulty):
+    """Every family stands in a row of its kind and shaft, those of a mesh first."""
+    ax, _ = changes_figure(faulty.analysis).axes
+    names = {
+        f"mesh {own.stage}" if own.kind == "mesh" else f"{own.kind}, shaft {own.shaft}"
+        for own in faulty.analysis.signature.plan.families
+    }
+    groups = [label.get_text() for label in ax.get_yticklabels()]
+    assert set(groups) == names
+    assert len(groups) == len(names)
+    assert groups[0] == "mesh 1"
+    table = ax.images[0].get_array()
+    harmonics = table.shape[1] // 2
+    for change in faulty.analysis.changes:
+        kind = "mesh 1" if change.kind == "mesh" else f"{change.kind}, shaft {change.shaft}"
+        block = ["front", "rear"].index(change.channel)
+        cell = table[groups.index(kind), block * harmonics + change.harmonic - 1]
+        assert cell == pytest.approx(change.change_db)
+
+
 # --- the turn of a gear, and the speed -------------------------------------------------------
 
 
@@ -280,6 +300,13 @@ def test_the_burst_shows_at_the_tooth_where_it_was_put(faulty):
     assert highest.get_x() + 0.4 == pytest.approx(place, abs=1)
     assert f"tooth {profile.tooth}: " in texts(teeth)[0]
     assert "(flagged)" in texts(teeth)[0]
+    # one bar has a colour of its own, that of the tooth flagged, and its words stand above it
+    colours = [bar.get_facecolor() for bar in bars]
+    (flagged,) = (bar for bar in bars if colours.count(bar.get_facecolor()) == 1)
+    middle = flagged.get_x() + 0.4
+    assert middle == pytest.approx(place, abs=0.5)
+    (said,) = (own for own in teeth.texts if "(flagged)" in own.get_text())
+    assert said.xy[0] == pytest.approx(middle)
     assert f"highest at place {round(place)} of 23" in figure.alt
 
 

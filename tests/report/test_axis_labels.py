@@ -9,6 +9,7 @@ import matplotlib
 import numpy as np
 import pandas as pd
 import pytest
+from reference.drawn_extent import badly_filled
 from reference.small_gearbox import machine, recording
 
 from gearmon import report
@@ -42,6 +43,7 @@ SIGNATURES = Path(__file__).parents[2] / "signatures"
 
 def labels(figure):
     """What stands along the axes of a figure, scales of colours and second axes included."""
+    assert badly_filled(figure) == []
     # names of machines, channels and files reach every text: none may be parsed as a formula
     texts = [text for text in figure.findobj(matplotlib.text.Text) if text.get_text()]
     assert not any(text.get_parse_math() for text in texts)
@@ -50,6 +52,12 @@ def labels(figure):
     # one label for all strips stands upright at the left edge
     said |= {text.get_text() for text in figure.texts if text.get_rotation() == 90}
     return said - {""}
+
+
+def legends(figure):
+    """What the legends of a figure name, each that is not alone on its axes in its order."""
+    own = [*figure.legends, *(found for ax in figure.axes if (found := ax.get_legend()))]
+    return [[text.get_text() for text in one.get_texts()] for one in own]
 
 
 STRIPS = {"front\n(m/s²)", "rear\nunit not\nstated"}
@@ -72,8 +80,16 @@ OF_AN_ANALYSIS = {
 
 
 def test_pictures_of_an_analysis(faulty, gearless):
-    drawn = analysis_figures(faulty.analysis, faulty.recording)
+    drawn = list(analysis_figures(faulty.analysis, faulty.recording))
     found = {figure.name: labels(figure) for figure in drawn}
+    turn = [["synchronous average", "the same without mesh harmonics"]]
+    speed = faulty.analysis.signature.speed
+    assert {figure.name: own for figure in drawn if (own := legends(figure))} == {
+        "sidebands-mesh-1": [["sidebands of shaft 2", "sidebands of shaft 1"]],
+        "turn-1-pinion": turn,
+        "turn-1-gear": turn,
+        "speed": [["nominal 20 Hz", f"mean {speed.estimated_hz:.6g} Hz", "speed, by tacho"]],
+    }
     # the wheel does not carry the pulse: its teeth count from the first healthy recording
     gear = found["turn-1-gear"]
     assert any(label.startswith("Tooth") for label in gear)
@@ -160,6 +176,9 @@ def test_orders_maps_averages_and_indicators():
     assert list(figures) == ["-1-pinion", "-1-gear"]
     for gear, figure in zip(("pinion", "gear"), figures.values(), strict=True):
         (turn,) = labels(figure) - {"Acceleration", *strips}
+        assert legends(figure) == [
+            ["synchronous average", "± 2 standard errors", "residual", "difference"]
+        ]
         assert turn.startswith(f"Angle of the {gear} (tooth pitches; 0 ")
     table = indicator_table(recording(), machine())
     drawn = indicator_figure([table]).axes
@@ -190,15 +209,32 @@ def test_stiffness_forms_and_stability():
         "depth of the root crack (pinion) in mm",
         "loss of pair stiffness in %",
     }
+    assert legends(sheet) == [
+        ["pinion", "gear", "crack", "contact"],
+        ["damaged", "healthy"],
+        ["bending", "shear", "axial", "foundation", "contact"],
+        ["greatest in the contact", "mean over the contact", "1.91 mm"],
+    ]
+    assert sheet.get_suptitle() == "stage 1, pinion-gear: crack:1:pinion:5:20%"
     forms = compare_forms(pair)
-    assert labels(form_figure(forms)) == {
+    figure = form_figure(forms)
+    assert legends(figure) == [
+        ["parabola (reference)"],
+        ["reference", "half-sine arches"],
+        ["reference", "rectangle, true duty", "rectangle, duty 1/2"],
+        ["reference", "Fourier sum, true duty", "Fourier sum, duty 1/2"],
+    ]
+    assert labels(figure) == {
         "mesh phase in mesh periods",
         "stiffness in GN/m",
         "amplitude in MN/m",
         f"mesh harmonic (times {forms.spectrum[0]['frequency_hz']:.5g} Hz)",
     }
     chart = stability_map(FourierShape(np.array([0.5])), 0.02, (1.5, 2.5), 0.5, points=(12, 6))
-    assert labels(stability_figure(chart)) == {
+    figure = stability_figure(chart)
+    expanded = [f"multiple scales, {order} order" for order in ("1st", "2nd")]
+    assert legends(figure) == [["2/n", "boundary, exact", *expanded]]
+    assert labels(figure) == {
         "mesh frequency over natural frequency, ω/ω₀",
         "stiffness variation ε",
         "growth: ln of the largest multiplier, per mesh period",
@@ -271,7 +307,9 @@ def test_demos():
     hour = np.arange(3.0)
     known = {"load": 0.5 + hour, "speed_hz": 20 + hour, "level of a1": hour - 1, "score": hour}
     day = pd.DataFrame(known | {"verdict": ["healthy"] * 3}, index=hour)
-    assert labels(day_figure(day, 3.0)) == {
+    figure = day_figure(day, 3.0)
+    assert legends(figure) == [["level of a1", "level limit", "healthy"]]
+    assert labels(figure) == {
         "Load\n(% of nominal)",
         "Speed of\nshaft 1 (Hz)",
         "Level re mean of\nreference (dB)",

@@ -1,11 +1,19 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.report.curves import angle_spectrum, max_hold, time_spectrum, turn_waveform
+from gearmon.report.curves import (
+    angle_spectrum,
+    last_harmonic_hz,
+    max_hold,
+    time_spectrum,
+    turn_waveform,
+)
 from gearmon.signatures.measured.reference import WheelPattern
 
 
@@ -75,3 +83,18 @@ def test_orders_end_where_the_sampling_rate_does(healthy):
     order, _ = angle_spectrum(healthy.analysis, healthy.recording, 1e4)
     fastest = healthy.analysis.signature.track.speed_hz.max()
     assert order[-1] * fastest <= 0.45 * healthy.recording.sampling_rate_hz
+
+
+def test_a_spectrum_reaches_beyond_the_last_harmonic_of_every_mesh(healthy):
+    signature = healthy.analysis.signature
+    (mesh,) = signature.meshes
+    slow = replace(mesh, frequency_hz=mesh.frequency_hz / 3)
+    ends = [last_harmonic_hz(replace(signature, meshes=(own,))) for own in (mesh, slow)]
+    assert ends[0] != ends[1]
+    for own, end in zip((mesh, slow), ends, strict=True):
+        # an eighth beyond a whole number of harmonics
+        harmonics = end / own.frequency_hz / 1.12
+        assert harmonics == pytest.approx(round(harmonics))
+        assert harmonics > 3.0
+    for meshes in ((mesh, slow), (slow, mesh)):
+        assert last_harmonic_hz(replace(signature, meshes=meshes)) == max(ends)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.container import ErrorbarContainer
 from PIL import Image
+from reference.drawn_extent import badly_filled
 
 from gearmon.harvesting import tuning
 from gearmon.harvesting.harvester import InertialHarvester
@@ -68,6 +69,8 @@ def test_four_pictures_are_written(survey, tmp_path):
 
 
 def test_figures_are_those_of_the_survey_in_the_units_of_their_axes(survey):
+    for figure in survey.figures().values():
+        assert badly_filled(figure) == []
     figures = harvest_figures(survey)
     positions = figures["-positions"].axes[0]
     assert positions.get_xlabel() == "mean power over the duty cycle in µW"
@@ -167,6 +170,20 @@ def test_numbers_in_words_are_in_the_units_of_their_headings(survey):
     energy = column(lines, "energy_uj_per_kg")
     expected = [1e6 * row["energy_j_per_kg"] for row in ranked[: len(energy)]]
     assert energy == pytest.approx(expected, rel=5e-3)
+
+
+def test_lines_are_told_by_what_they_bring_over_the_time(survey, monkeypatch):
+    """Energy times share of time, the largest first; no more than a page holds."""
+    known = {"operating_point": "mowing", "acceleration_ms2": 1.0, "share": 0.1}
+    rows = [
+        known | {"frequency_hz": 100.0 + n, "energy_j_per_kg": 2.0**n, "share_of_time": 3.0**-n}
+        for n in range(30)
+    ]
+    monkeypatch.setattr(type(survey), "lines", lambda _: rows[::-1])
+    told = column(harvest_lines(survey), "frequency_hz")
+    assert 5 <= len(told) < 30
+    assert told == [100.0 + n for n in range(len(told))]
+    assert set(column(harvest_lines(survey), "share_percent")) == {10.0}
 
 
 def test_numbers_in_sentences_are_those_of_the_survey_in_their_units(survey):

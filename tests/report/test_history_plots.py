@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from reference.drawn_extent import badly_filled
 
 from gearmon.diagnosis.history import Entry, History, Place, history_trends
 from gearmon.report.analysis_plots import day_figure, history_figure, kind_figure
@@ -47,6 +48,7 @@ def history(losses=True, count=14):
 
 
 def labels(figure):
+    assert badly_filled(figure) == []
     return {text.get_text() for legend in figure.legends for text in legend.get_texts()}
 
 
@@ -184,7 +186,15 @@ def test_day_and_kinds_are_drawn():
     day = pd.DataFrame(known, index=hour)
     changes = pd.DataFrame(np.ones((2, 2)), index=["a", "b"], columns=["mesh", "far"])
     kinds = {"one": changes, "two": changes}
-    load, speed, level, score = day_figure(day, 3.0).axes
+    figure = day_figure(day, 3.0)
+    load, speed, level, score = figure.axes
+    for strength in (0.2, 1.0, 4.0):
+        drawn = day_figure(day.assign(score=strength * (hour - 1.0)), 3.0).axes[-1]
+        low, high = drawn.get_ylim()
+        # nothing is cut, and a small score does not fill the page
+        assert low < -strength
+        assert high > max(2.4, 4.0 * strength)
+    assert badly_filled(figure) == []
     assert np.allclose(load.lines[0].get_ydata(), 100 * day["load"])
     assert np.array_equal(speed.lines[0].get_ydata(), day["speed_hz"])
     assert np.array_equal(level.lines[1].get_ydata(), -hour)

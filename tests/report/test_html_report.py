@@ -250,6 +250,61 @@ def test_the_charts_hold_what_was_measured_and_the_range_of_the_healthy(written,
         assert ranged[0]
 
 
+#: Title, axis and value of charts by their names.
+SAID = {
+    "spectrum": ("Amplitude spectrum", "Frequency (Hz)", "Peak amplitude"),
+    "orders": ("Order spectrum", "Order (cycles a turn of shaft 1)", "Peak amplitude"),
+    "map": (
+        "Order map: an upright line turns with a shaft, a slanting one does not",
+        "Order (cycles a turn of shaft 1)",
+        "Time (s)",
+    ),
+    "turn-1-pinion": (
+        "One turn of the pinion of stage 1, averaged",
+        "Tooth",
+        "Average over the turns",
+    ),
+    "turn-1-gear": ("One turn of the gear of stage 1, averaged", "Tooth", "Average over the turns"),
+    "teeth-1-pinion": (
+        "Energy by tooth of the pinion of stage 1: sound teeth stand at about 1",
+        "Tooth",
+        "Energy",
+    ),
+    "teeth-1-gear": (
+        "Energy by tooth of the gear of stage 1: sound teeth stand at about 1",
+        "Tooth",
+        "Energy",
+    ),
+}
+
+
+def test_every_chart_says_what_it_shows(written):
+    data, charts = chart_data(written[1])
+    assert {n: (c["title"], c["axis"], c["value"]) for n, c in charts.items()} == SAID
+    # of what has the unit of a channel, that is told with the channel
+    vibrates = {name for name, chart in charts.items() if chart.get("vibration")}
+    assert vibrates == {"spectrum", "orders", "turn-1-pinion", "turn-1-gear"}
+    assert [own["unit"] for own in data["channels"]] == ["m/s²", "unit not stated"]
+
+
+def test_spectra_in_charts_are_amplitudes_of_the_recording(written, faulty):
+    """Where a spectrum is drawn line by line it is that of one Hann window; up to its end."""
+    recording = faulty.recording.vibration()
+    window = np.hanning(recording.samples.shape[1] + 1)[:-1]
+    lines = 2 * np.abs(np.fft.rfft(recording.samples * window)) / window.sum()
+    chart = chart_data(written[1])[1]["spectrum"]
+    x = decoded(chart["x"])
+    at = np.rint(x * recording.duration_s).astype(int)
+    for row, curve in enumerate(chart["curves"]):
+        values = decoded(curve["values"])
+        # the largest of some neighbours is kept, those of both channels at one place
+        assert (values >= (1 - 1e-5) * lines[row, at]).all()
+        assert values.max() == pytest.approx(lines[row, 2:].max(), rel=1e-5)
+        assert curve["layer"] == "measured"
+    assert x[0] < 3 / recording.duration_s
+    assert x[-1] == pytest.approx(recording.sampling_rate_hz / 2, rel=0.01)
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_healthy_channels_are_found_by_their_names(tmp_path, written, faulty):
     reference = faulty.reference

@@ -7,6 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from reference.drawn_extent import badly_filled
 from reference.small_gearbox import machine, recording
 
 from gearmon.report.curves import mark_label
@@ -15,11 +18,12 @@ from gearmon.report.recording_plots import (
     indicator_figure,
     order_map_figure,
 )
-from gearmon.report.spectrum_plots import order_figure
+from gearmon.report.spectrum_plots import line_marks, order_figure
 from gearmon.report.text import words
 from gearmon.signals.orders import order_map
 from gearmon.signatures.gear_averages import gear_averages
 from gearmon.signatures.measured.indicators import indicator_table
+from gearmon.signatures.measured.line_plan import Mark
 from gearmon.signatures.recording_spectrum import order_spectra
 
 
@@ -40,6 +44,7 @@ def texts(figure):
 
 
 def labels(figure):
+    assert badly_filled(figure) == []
     return [ax.get_xlabel() for ax in figure.axes] + [ax.get_ylabel() for ax in figure.axes]
 
 
@@ -195,3 +200,25 @@ def test_order_map_of_signals_is_that_of_the_recording(spectra):
         block_turns=found.map.block_turns,
     )
     np.testing.assert_allclose(own.amplitude, found.map.amplitude, rtol=1e-9)
+
+
+@given(
+    st.lists(st.tuples(st.sampled_from(["mesh", "shaft"]), st.integers(1, 3), st.floats(0, 50))),
+    st.floats(1.0, 20.0),
+    st.floats(1.0, 25.0),
+)
+def test_marks_lie_on_the_axis_and_stand_apart_those_of_meshes_first(told, low, width):
+    marks = [Mark(place=place, name="", kind=kind, number=n) for kind, n, place in told]
+    kept = line_marks(marks, low, low + width)
+    places = [mark.place for mark in kept]
+    assert places == sorted(places)
+    assert all(low <= place <= low + width for place in places)
+    assert set(kept) <= set(marks)
+    if len(places) > 1:
+        assert np.diff(places).min() > 0
+    # a mesh is left out for another mesh alone
+    inside = [mark for mark in marks if low <= mark.place <= low + width]
+    if any(mark.kind == "mesh" for mark in inside):
+        assert any(mark.kind == "mesh" for mark in kept)
+    if inside:
+        assert kept

@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference.told_numbers import disordered, numbers, untold, with_units
 
 from gearmon.diagnosis.history.changes import ChangePoint, Growth
 from gearmon.gears.kinematics import line_table
+from gearmon.report.analysis_plots import analysis_figures
 from gearmon.report.text import (
     analysis_text,
     change_text,
@@ -86,3 +88,114 @@ def test_a_change_is_told_by_its_direction_and_the_bend_of_its_course(course, si
     assert ("at once and then on" in text) == (course.jump > 0)
     before = change_text(replace(change, open_before=True), fine=False, growth=("", ""))
     assert "(between before the first recording and 2027-01-15;" in before
+
+
+CASES = ("faulty", "healthy", "alone", "gearless")
+
+
+def measured_by_hand(case):
+    """What words tell that no field of the analysis holds: spectra, multiples, departures."""
+    analysis, recording = case.analysis, case.recording.vibration()
+    speed, meshes = analysis.signature.speed, analysis.signature.meshes
+    count = recording.samples.shape[1]
+    window = np.hanning(count + 1)[:-1]
+    lines = 2 * np.abs(np.fft.rfft(recording.samples * window)) / window.sum()
+    highest = lines[:, 2:].argmax(axis=1) + 2
+    hertz = np.array([mesh.frequency_hz for mesh in meshes])
+    # a Hann window is one and a half bins wide
+    return {
+        "peak_ms2": lines.max(axis=1),
+        "peak_hz": highest / recording.duration_s,
+        "resolution_hz": 1.5 / recording.duration_s,
+        "harmonics_hz": np.outer(hertz, np.arange(1, 9)),
+        "off_share": speed.estimated_hz / speed.nominal_hz - 1,
+        "wander_share": (speed.highest_hz - speed.lowest_hz) / speed.estimated_hz,
+        "change_db": [change.change_db for change in analysis.changes],
+        # searched about the nominal speed; found on simulated machines without a reference
+        "constant_share": [0.03, 0.4, 0.2],
+    }
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_numbers_in_words_are_those_of_the_analysis_in_their_units(name, request):
+    case = request.getfixturevalue(name)
+    figures = list(analysis_figures(case.analysis, case.recording))
+    words = [analysis_text(case.analysis)]
+    words += [reference_text(case.reference)] if case.reference else []
+    words += [text for own in figures for text in (own.heading, own.caption, own.alt)]
+    text = "\n".join(words)
+    assert all(own.heading and own.caption and own.alt for own in figures)
+    assert len(with_units(text)) > 5
+    noticed = [{"noticed_share": own.noticed_from} for own in case.analysis.profiles]
+    # a loss of all teeth alike is told in the reason alone
+    reason = {f"{n}_share": float(own) / 100 for n, own in enumerate(percents(case.analysis))}
+    known = [case.analysis, case.reference, measured_by_hand(case), noticed, reason]
+    assert untold(text, known) == []
+    assert disordered(text) == []
+
+
+def percents(analysis):
+    told = with_units(analysis.reason)
+    return [number for number, unit in told if unit == "%"]
+
+
+def test_words_hold_what_an_analysis_holds_number_by_number(faulty):
+    """With numbers of its own in every field it is plain where each word has its number from."""
+    analysis = faulty.analysis
+    known = {"estimated_hz": 17.1234, "uncertainty_hz": 0.0123, "nominal_hz": 19.5}
+    speed = replace(analysis.signature.speed, **known, lowest_hz=15.9, highest_hz=17.9)
+    meshes = (replace(analysis.signature.meshes[0], frequency_hz=393.838, snr_db=41.7),)
+    lost = {"stiffness_loss": 0.437, "stiffness_loss_low": 0.312, "stiffness_loss_high": 0.561}
+    flag = replace(analysis.flags[0], **lost, tooth=9, false_alarm_probability=3.4e-5)
+    own = replace(
+        analysis,
+        signature=replace(analysis.signature, speed=speed, meshes=meshes),
+        flags=(flag,),
+        score=7.894,
+    )
+    lines = [line.strip() for line in analysis_text(own).splitlines()]
+    for told in (
+        "score 7.89, compared with reference",
+        "shaft 1 at 17.123 ± 0.012 Hz (1027.4 rpm), by tacho, between 15.9 and 17.9 Hz",
+        "mesh 1 found at 393.84 Hz, 42 dB above the floor",
+        "flag: tooth damage, stage 1, pinion, tooth 9, loss of stiffness 44 % (31 to 56 %), "
+        "false-alarm probability 3.4·10⁻⁵",
+    ):
+        assert told in lines
+    (sure,) = (line for line in lines if line.startswith("how sure: "))
+    assert sure.endswith(": a sound machine shows as much in 1 of 29,412 recordings")
+    (caution,) = (line for line in lines if line.startswith("caution: "))
+    assert "the speed found, 1027 rpm, is 12 % below the 1170 rpm of the machine" in caution
+    for most, word in ((0.4, "in 1 of 2 "), (0.5, "as often as not"), (2e-7, "less than 1 of 1,0")):
+        unsure = replace(own, flags=(replace(flag, false_alarm_probability=most),))
+        assert word in analysis_text(unsure)
+
+
+def test_of_a_sound_machine_the_loss_is_told_that_would_have_been_noticed_on_any_gear(healthy):
+    known = healthy.analysis
+    noticed = (0.021, 0.078)
+    profiles = [replace(p, noticed_from=n) for p, n in zip(known.profiles, noticed, strict=True)]
+    for own in (profiles, profiles[::-1]):
+        text = analysis_text(replace(known, profiles=tuple(own)))
+        assert "a tooth that had lost 8 % of its pair's stiffness would have been noticed" in text
+
+
+def test_a_reference_is_told_recording_by_recording(healthy):
+    profiles = tuple(
+        replace(own, speed_hz=10.0 + number, duration_s=5.5 + number, tacho=number == 1)
+        for number, own in enumerate(healthy.reference.profiles)
+    )
+    told = reference_text(replace(healthy.reference, profiles=profiles)).splitlines()
+    assert told[2:5] == [
+        "  made-1.csv: 5.5 s, shaft 1 at 10.0000 Hz",
+        "  made-2.csv: 6.5 s, shaft 1 at 11.0000 Hz, tacho",
+        "  made-3.csv: 7.5 s, shaft 1 at 12.0000 Hz",
+    ]
+
+
+def test_intervals_in_words_are_told_in_order():
+    assert disordered("42 % (30 to 56 %), between 3 to 2, 5 m (6 to 7)") == [
+        "3 to 2",
+        "5 m (6 to 7",
+    ]
+    assert dict(numbers({"a": {"b_hz": [1, True, float("nan")]}})) == {("a", "b_hz"): 1.0}

@@ -3,6 +3,8 @@ from __future__ import annotations
 import math
 
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from gearmon.report.wording import (
     gear_text,
@@ -29,6 +31,24 @@ from gearmon.report.wording import (
 )
 def test_probability(probability, text):
     assert probability_text(probability) == text
+
+
+SMALL = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
+
+
+@example(-2.5)
+@example(-3.0)
+@example(-3.1)
+@given(st.floats(-11.9, 0.0))
+def test_a_probability_in_words_is_right_to_two_figures_and_plain_from_a_thousandth_on(exponent):
+    probability = 10.0**exponent
+    text = probability_text(probability)
+    mantissa, _, power = text.partition("·10")
+    told = float(mantissa) * 10.0 ** int(power.translate(SMALL) or 0)
+    assert told == pytest.approx(probability, rel=0.051)
+    assert (power == "") == (probability >= 1e-3)
+    assert 1.0 <= float(mantissa) <= 10.0 or not power
+    assert len(mantissa.replace(".", "").lstrip("0")) <= 2
 
 
 @pytest.mark.parametrize(

@@ -385,6 +385,18 @@ def altered(array):
 SOUND = {"band_db": {3}, "noise_db": {2}, "hidden_db": {2}, "in_time_db": {2}}
 
 
+def test_arrays_of_other_types_are_refused(stored, tmp_path):
+    """Of other precision, of other numbers, or of none: every array of the first recording."""
+    path = tmp_path / "bad.ref"
+    with np.load(stored) as file:
+        arrays = {name: file[name] for name in file.files}
+    others = {"f8": "f4", "f4": "f8", "c16": "c8", "i8": "i4", "b1": "i1"}
+    for name in [own for own in arrays if own.startswith("/profiles/0/")]:
+        archive(path, **arrays | {name: arrays[name].astype(others[arrays[name].dtype.str[1:]])})
+        with pytest.raises(SignatureError, match="not a readable gearmon reference"):
+            read_reference(path)
+
+
 @pytest.mark.filterwarnings("ignore")
 def test_arrays_of_other_shapes_and_numbers_that_none_records_are_refused(stored, tmp_path):
     path = tmp_path / "bad.ref"

@@ -298,3 +298,25 @@ def test_means_weigh_each_change_by_its_scatter_and_one_decibel():
     found = kind_features([*still, *sides])
     near = found[1, "pinion"]["near_db"]
     assert near == pytest.approx((6.0 / 2 + 1.0 / 10) / (1 / 2 + 1 / 10))
+
+
+@pytest.mark.parametrize(
+    ("more", "less"),
+    [
+        # a peak counts from 4 dB on, which sound teeth reach, mesh lines by half
+        ({"peak_db": 5.1}, {"once_db": 1.0}),
+        ({"once_db": 1.0}, {"peak_db": 4.9}),
+        ({"mesh_rms_db": 2.2}, {"twice_db": 1.0}),
+        ({"far_db": 1.0}, {"mesh_rms_db": 1.8}),
+        # of sidebands the loudest counts, and none that fell
+        ({"near_db": 3.0}, {"near_db": 2.0, "far_db": 2.0, "once_db": 2.0, "twice_db": 2.0}),
+        ({"twice_db": 0.5}, {"once_db": -9.0}),
+        ({"once_db": 2.0, "peak_db": 6.0, "mesh_rms_db": 2.0}, {"once_db": 4.9}),
+    ],
+)
+def test_evidence_of_a_gear_is_its_sidebands_its_peak_and_half_its_mesh(more, less):
+    quiet = dict.fromkeys(("near_db", "far_db", "once_db", "twice_db", "peak_db"), 0.0)
+    quiet["mesh_rms_db"] = 0.0
+    gears = {(1, "pinion"): quiet | less, (1, "gear"): quiet | more, (2, "pinion"): quiet}
+    assert focus_of(gears) == (1, "gear")
+    assert focus_of(dict(reversed(gears.items()))) == (1, "gear")

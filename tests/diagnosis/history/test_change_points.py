@@ -18,7 +18,7 @@ from gearmon.diagnosis.history.changes import (
     permuted_probability,
     tube_bound,
 )
-from gearmon.diagnosis.history.trends import fit_trend
+from gearmon.diagnosis.history.trends import _reached, fit_trend
 
 DAY = 86400.0
 
@@ -277,6 +277,21 @@ def test_a_limit_within_the_interval_is_reached_or_not_as_the_trend_says():
     assert times[0] <= unsure.low_s < unsure.time_s < times[-1]
     told = "its interval reaches below the limit"
     assert [told in own.reason for own in (sure, unsure)] == [False, True]
+
+
+@given(st.lists(st.integers(0, 5), min_size=1, max_size=8))
+def test_a_limit_is_reached_where_values_last_rise_to_it_or_above(steps):
+    """Of whole numbers some are the limit itself; between them a straight line leads to it."""
+    values, limit = np.array(steps, dtype=float), 3.0
+    times = 10.0 + 2.0 * np.arange(len(values))
+    fine = np.linspace(times[0], times[-1], 12 * (len(values) - 1) * 5 + 1)
+    high = np.interp(fine, times, values) >= limit - 1e-9
+    found = _reached(times, values, limit)
+    if not high[-1]:
+        assert found is None
+    else:
+        # the first place of the last stretch
+        assert found == pytest.approx(fine[len(high) - np.argmin(np.append(high[::-1], False))])
 
 
 def test_constant_series_has_the_weighted_mean_with_its_interval():

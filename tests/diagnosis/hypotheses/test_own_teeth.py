@@ -52,6 +52,18 @@ def test_planted_tooth_is_found_whatever_the_angle_of_the_reference(start):
     assert apart(int(np.argmax(energy)), 8 + CONTACT_CENTRE) < 1.7
 
 
+@pytest.mark.parametrize("start", [0.0, 0.123, 0.5, 0.987])
+def test_a_reference_is_turned_onto_what_is_compared_with_it(start):
+    gear = Gear(23, seed=4)
+    new, turned = gear.recording(1), gear.recording(2, start=start)
+    one, two = (own.amplitude for own in aligned(new, turned))
+    alike = np.vdot(one, two) / np.linalg.norm(one) / np.linalg.norm(two)
+    assert alike.real > 0.95
+    # told that both count from one pulse it stays where it is
+    _, kept = aligned(new, turned, same_zero=True)
+    assert np.array_equal(kept.amplitude, turned.amplitude)
+
+
 def test_known_zero_is_believed():
     # a turned reference, said to share the zero, no longer cancels: the damage is buried
     gear = Gear(23, seed=4)

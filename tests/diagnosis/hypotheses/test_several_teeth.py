@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -43,6 +46,15 @@ def test_random_losses_of_all_teeth_are_not_one_tooth(height, seed):
     assert spread.one_tooth < 0.05
     assert spread.explained < 0.5
     assert spread.teeth_involved > 0.4 * TEETH
+
+
+@pytest.mark.parametrize("meetings", [2, 3])
+def test_where_a_tooth_meets_several_planets_at_once_teeth_cannot_be_parted(meetings):
+    own = gear(weights(3))
+    assert departure_spread(own) is not None
+    met = copy(own)
+    met.difference = replace(own.difference, meetings=meetings)
+    assert departure_spread(met) is None
 
 
 @pytest.mark.parametrize("smooth", [0.3, 0.6, 0.9])

@@ -5,12 +5,15 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from reference.gear_departures import held_against
+from reference.gear_departures import complex_noise, held_against, weights
+from reference.gear_departures import gear as departing
+from scipy.stats import gamma as gamma_law
 
 from gearmon.diagnosis.hypotheses.mesh_harmonics import (
     log_caused,
@@ -19,12 +22,14 @@ from gearmon.diagnosis.hypotheses.mesh_harmonics import (
     share_lines,
 )
 from gearmon.diagnosis.hypotheses.tooth_damage import (
+    GearEvidence,
     losses_by_tooth,
     mesh_shown,
     own_mesh_power,
 )
 from gearmon.diagnosis.hypotheses.tooth_match import (
     LOSSES,
+    event_delays,
     log_mean,
     path_power,
     search_gear,
@@ -630,3 +635,59 @@ def test_damage_grows_faster_at_mesh_harmonics_than_over_all_lines():
     # a pair that carries all alone where the mesh is softest: (0.25 - 0.111) / 0.1 of the loss
     assert large == pytest.approx([0.2 * 1.39] * 2, rel=0.1)
     assert (large > known.amplitude(np.array([0.2]))[0]).all()
+
+
+@given(st.floats(0.5, 40.0), st.floats(1.0, 30.0), st.integers(1, 3))
+def test_the_largest_of_gamma_variables_has_the_likelihood_ratio_of_that_law(shape, peak, meetings):
+    """Of mean `peak` against mean 1, where it is found; over the teeth that it may be."""
+    own = SimpleNamespace(deviation=SimpleNamespace(teeth=36, meetings=meetings))
+    found = GearEvidence._of_gamma(own, shape, peak)
+    ratio = gamma_law.logpdf(peak, shape, scale=peak / shape) - gamma_law.logpdf(
+        peak, shape, scale=1.0 / shape
+    )
+    assert found == pytest.approx(ratio - np.log(36 / meetings), abs=1e-9 * max(1.0, abs(ratio)))
+
+
+@pytest.mark.parametrize("count", [2, 3, 8])
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_what_comes_in_some_blocks_comes_again_as_often(count, share):
+    """An event in so many of the blocks counts so many where the speed swings; one tells none."""
+    own = departing(weights(5), seed=2).difference
+    number = np.unique(np.concatenate([band.number for band in own.bands]))
+    wheel = SimpleNamespace(lines=np.arange(number.size), beside=(), number=number)
+    rng = np.random.default_rng([count, round(10 * share)])
+    event = np.zeros((2, number.size), dtype=complex)
+    for band in own.bands:
+        event[:, np.searchsorted(number, band.number)] = band.rest * band.deviation
+    there = np.arange(count) < max(1, round(share * count))
+    # the same mean over all blocks, however few of them it is in
+    event *= count / there.sum()
+    noise = 1e-3 * np.abs(event).max() * complex_noise(rng, count, *event.shape)
+    blocks = rng.permutation(there[:, None, None] * event + noise)
+    tooth = int(np.argmax(own.by_tooth))
+    again, _ = own.recurrence(tooth, blocks, wheel, swings=True)
+    assert again == pytest.approx(there.sum(), rel=0.05)
+    steady, scatter = own.recurrence(tooth, blocks, wheel)
+    # of m of n blocks m (n - 1)/(n - m), less what half-overlapped blocks share
+    assert (steady > 1e3) == there.all()
+    assert (scatter < 2.0) == there.all()
+    if not there.all():
+        assert 0.5 < steady * (count - there.sum()) / (there.sum() * (count - 1)) < 1.0
+    assert own.recurrence(tooth, blocks[:1], wheel) == (np.inf, 1.0)
+
+
+@pytest.mark.parametrize("name", ["pinion", "planet"])
+@pytest.mark.parametrize("decay_s", [2e-4, 2e-3])
+def test_delays_of_an_event_are_quantiles_of_its_contact_and_of_the_ringing(name, decay_s):
+    """Any moment of contact, and then an exponential one; of a planet half a turn later again."""
+    tooth = SimpleNamespace(contact_ratio=1.6, teeth=24, gear=name)
+    found = event_delays(tooth, 20.0, decay_s)
+    once = found[: len(found) // 2] if name == "planet" else found
+    if name == "planet":
+        np.testing.assert_allclose(found[len(once) :], once + 0.5 / 20.0)
+    rng, contact_s = np.random.default_rng(2), 1.6 / (20.0 * 24)
+    drawn = contact_s * rng.random(200_000) + rng.exponential(decay_s, 200_000)
+    # what is heard after three times of decay is left out
+    drawn = drawn[drawn < contact_s + 3 * decay_s]
+    shares = (np.arange(len(once)) + 0.5) / len(once)
+    np.testing.assert_allclose(once, np.quantile(drawn, shares), rtol=0.03, atol=2e-6)

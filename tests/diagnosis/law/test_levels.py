@@ -39,6 +39,19 @@ def test_a_gain_of_a_channel_leaves_nothing():
     assert found.mean_square() < 1e-20
 
 
+def test_sensors_may_have_another_gain_in_every_recording():
+    """Neither what is left nor how much of it is healthy hangs on them."""
+    rng = np.random.default_rng(7)
+    known, new = 2.0 * rng.normal(size=(4, 2, 30)), rng.normal(size=(2, 30))
+    states = rng.normal(size=(4, 2))
+    plain = held(new, known, states)
+    gains = 10.0 * rng.normal(size=(5, 2, 1))
+    found = held(new + gains[0], known + gains[1:], states)
+    np.testing.assert_allclose(found.rest_db, plain.rest_db, atol=1e-10)
+    np.testing.assert_allclose(found.sigma_db, plain.sigma_db, atol=1e-10)
+    assert found.mean_square() == pytest.approx(plain.mean_square())
+
+
 def test_noise_of_the_assumed_size_is_of_mean_square_one():
     rng = np.random.default_rng(2)
     # 0.1 Np, the prior of families of lines, in each of two recordings

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from reference.gear_departures import held_against
 
-from gearmon.diagnosis.law.patterns import GearPattern, turned_alike
+from gearmon.diagnosis.law.patterns import GearPattern, _Bands, turned_alike
 from gearmon.signatures.measured.reference import WheelPattern
 
 TEETH, HARMONICS, STEPS = 24, 8, 1024
@@ -148,3 +148,26 @@ def test_where_planets_pass_the_sensor_nothing_is_taken():
     known, new = patterns(wheel(bands, 1), wheel(bands, 2, ahead=pulsating(0.06, 1.0)))
     known, new = (replace(own, usable=np.repeat(own.usable, 3, axis=0)) for own in (known, new))
     assert known.modulated_as(new, TEETH) is known
+
+
+@pytest.mark.parametrize("size", [0.2, 0.8, 1.2, 1.6, 3.0])
+def test_what_turns_a_band_by_more_than_a_radian_is_taken_for_no_modulation(size):
+    """Bands modulated on their own by so much: what is found is that much, or nothing at all."""
+    rng = np.random.default_rng(5)
+    own = np.array([[np.fft.fftshift(np.fft.fft(band)[:TEETH]) for band in excitation(1)]] * 2)
+    own = own / np.abs(own).max() * 0.01
+    own[:, :, TEETH // 2] = 1.0
+    bands = _Bands(own, own, np.full(own.shape, 1e-6))
+    exponent = np.zeros(bands.beyond(np.zeros((2, HARMONICS, 9), complex)).shape, complex)
+    middle = exponent.shape[2] // 2
+    phase = rng.uniform(0, 2 * np.pi, (2, HARMONICS))
+    exponent[:, :, middle + 1] = size / np.sqrt(2) * np.exp(1j * phase)
+    exponent[:, :, middle - 1] = -exponent[:, :, middle + 1].conj()
+    common = np.zeros_like(exponent)
+    common[:, :, [middle - 1, middle + 1]] = 0.02
+    moved = _Bands(own, bands.modulated(common + exponent), bands.noise)
+    found = moved.beyond(common)
+    power = np.sum(np.abs(found) ** 2, axis=2)
+    assert power.max() <= 1.0
+    if size < 0.5:
+        np.testing.assert_allclose(found, exponent, atol=0.05 * size)
