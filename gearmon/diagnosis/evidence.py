@@ -352,7 +352,7 @@ class Evidence:
     knocks: float = 0.0
 
     @cached_property
-    def all_around(self) -> tuple[tuple[int, str], float]:
+    def one_shaft(self) -> tuple[tuple[int, str], float]:
         """Gear that departs most all around its turn, and how much more than any other shaft's.
 
         A path, a load, a speed or an angle that is off changes the lines of all gears; damage of
@@ -385,7 +385,7 @@ class Evidence:
         levels = lines_strength(deviation.levels) + broadband_strength(deviation.broadband)
         # a shorter recording has shorter blocks, which part lines from their neighbours less
         path = LIMITS.bands_weight * (self.path.together - LIMITS.levels_offset) * deviation.length
-        around = rare_strength([-LIMITS.shaft_power * float(np.log10(self.all_around[1]))])
+        around = rare_strength([-LIMITS.shaft_power * float(np.log10(self.one_shaft[1]))])
         told = {"levels": levels * deviation.length, "path": path, "one shaft": around}
         # at another speed lines have moved across the modes of the path, knocks are as loud as
         # they are, in a lost angle they are smeared: all of it may change levels by any amount

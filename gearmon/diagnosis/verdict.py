@@ -136,7 +136,7 @@ class Flagging(NamedTuple):
                 flagged.add(gear)
                 kind, _, told = self._kind(gear, growth.kind, gear)
                 found.append(self._flag(kind, strength, (*growth.evidence, *told), gear))
-        (gear, times), strength = whole.all_around, whole.strengths["one shaft"]
+        (gear, times), strength = whole.one_shaft, whole.strengths["one shaft"]
         if strength >= LIMITS.fault and not any(flag.gear for flag in found):
             departs = f"{_gear(*gear)} departs from its healthy pattern all around its turn"
             beside = f"{departs}, {times:.0f} times as much as any gear of another shaft"

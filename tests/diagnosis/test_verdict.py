@@ -216,10 +216,10 @@ def around(**misfits):
 
 
 def test_a_shaft_that_departs_all_around_is_held_against_the_nearest_of_the_others():
-    assert around(shaft1=12.0, shaft2=1.0, shaft3=3.0).all_around == ((1, "pinion"), 4.0)
-    assert around(shaft1=1.0, shaft2=9.0).all_around == ((2, "pinion"), 9.0)
-    assert around(shaft1=12.0).all_around == ((1, "pinion"), 1.0)
-    assert evidence().all_around[1] == 1.0
+    assert around(shaft1=12.0, shaft2=1.0, shaft3=3.0).one_shaft == ((1, "pinion"), 4.0)
+    assert around(shaft1=1.0, shaft2=9.0).one_shaft == ((2, "pinion"), 9.0)
+    assert around(shaft1=12.0).one_shaft == ((1, "pinion"), 1.0)
+    assert evidence().one_shaft[1] == 1.0
     # the fourth power, of which a twentieth of the false alarms is taken off
     told = around(shaft1=10.0, shaft2=1.0).strengths["one shaft"]
     assert told == pytest.approx(4.0 - LIMITS.rare_share)
