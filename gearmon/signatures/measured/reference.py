@@ -671,7 +671,7 @@ def _refuse_exchanged(origin: str, names: Sequence[str], change: FloatArray) -> 
         pairs = ", ".join(f"{names[row]} is like {names[best[row]]}" for row in moved)
         raise ArgumentError(
             f"{origin}: the channels look exchanged: {pairs} of the reference ({exchanged:.1f} dB "
-            f"apart, as named {as_named:.1f} dB); check cables and names, or learn the moved sensors"
+            f"apart, as named {as_named:.1f} dB); check cables and names, or learn moved sensors"
         )
 
 
