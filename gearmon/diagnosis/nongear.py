@@ -13,7 +13,7 @@ scatter.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -682,28 +682,49 @@ class Naming(NamedTuple):
             best, near = off.argmin(axis=1), off.min(axis=1) <= 1.0
             own = ((orders[:, 0] - side[best] * modulating) / times[best])[near]
             base = float(np.median(own)) if near.any() else base
-        told = zip(times[best].tolist(), side[best].tolist(), strict=True)
-        return {int(i): own for i, own, kept in zip(place, told, near, strict=True) if kept}
+        told = zip(place.tolist(), times[best].tolist(), side[best].tolist(), strict=True)
+        found = {i: (n, r) for (i, n, r), kept in zip(told, near, strict=True) if kept}
+        # knocks that do not scatter go on far up, where each line tells the order more finely
+        highest = max((n for n, _ in found.values()), default=1)
+        sidebands = sorted({*side.tolist()}, key=abs)
+        for i in sorted(lines - set(found), key=lambda i: self.lines[i].order):
+            for r in sidebands:
+                from_side = self.lines[i].order - r * modulating
+                n = round(from_side / base)
+                finely = self.width * max(1.0, n / highest)
+                if 1 <= n <= _FARTHEST * highest and abs(from_side - n * base) <= finely:
+                    found[i] = n, r
+                    if n > highest:
+                        base, highest = from_side / n, n
+                    break
+        return found
 
     def _multiples(
         self, left: set[int], first: int, modulating: float
     ) -> dict[int, tuple[int, int]]:
         """Lines at multiples of one of them and about these; none where that may be chance."""
-        base, found = (
-            self.lines[first].order,
-            self._about(left, self.lines[first].order, modulating),
-        )
+        base = self.lines[first].order
+        found = self._about(left, base, modulating)
         orders = np.sort([self.lines[i].order for i in left])
         # what one line may show, scattered, is one place
         orders = orders[np.append(True, np.diff(orders) > _SLIP_SPREAD * orders[1:])]
         times = np.rint(orders / base)
-        beside = np.where((times <= _FARTHEST) & (modulating > 0), 2 * _BEARING_SIDEBANDS, 0)
+        most = 2 * _BEARING_SIDEBANDS * (modulating > 0)
         # the share of the axis about each at which it would count
-        share = 2 * np.maximum(self.width / base, _SLIP_SPREAD * times) * (1 + beside)
+        share = 2 * np.maximum(self.width / base, _SLIP_SPREAD * times)
+        share *= 1 + np.where(times <= _FARTHEST, most, 0)
         counts = (times <= _REPEATS) & (np.abs(orders / base - 1) > _SLIP_SPREAD)
-        others = len({*found.values()}) - 1
-        chance = pdtrc(others - 1, np.minimum(share, 1.0)[counts].sum()) if others >= 2 else 1.0
-        return found if chance <= _CHANCE else {}
+        if _hardly({*found.values()} & {*_PLACES}, 1, np.minimum(share, 1.0)[counts].sum()):
+            return found
+        # those that do not scatter stand at multiples of what the highest of them tells
+        told = ((n, self.lines[i].order - r * modulating) for i, (n, r) in found.items())
+        own = (highest := max(told))[1] / highest[0]
+        off = {
+            i: abs(self.lines[i].order - n * own - r * modulating) for i, (n, r) in found.items()
+        }
+        sharp = {i: place for i, place in found.items() if off[i] <= self.width}
+        expected = len(left) * min(1.0, 2 * self.width * (1 + most) / base)
+        return sharp if _hardly({*sharp.values()}, 2, expected) else {}
 
     def _loose(self, left: set[int], shaft: Shaft, part: int) -> NamedSeries | None:
         """Half or third orders of a shaft."""
@@ -716,6 +737,12 @@ class Naming(NamedTuple):
         if spacing < 4 * self.width or not (len(labels) > 1 or f"1/{part}" in labels.values()):
             return None
         return NamedSeries("looseness", f"{_PARTS[part]} orders of shaft {shaft.number}", labels)
+
+
+def _hardly(places: Collection[tuple[int, int]], fitted: int, expected: float) -> bool:
+    """Whether lines at so many places, beside those that tell where, would hardly be chance."""
+    others = len(places) - fitted
+    return others >= 2 and bool(pdtrc(others - 1, expected) <= _CHANCE)
 
 
 def _bearing_of(named: Line | NamedSeries) -> str:

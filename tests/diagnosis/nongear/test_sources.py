@@ -163,7 +163,7 @@ def test_what_is_modulated_by_a_shaft_is_one_thing_with_its_sidebands(shaft):
     train = kinematics(load_machine(operating={"speed_rpm": 1500.0}, stage=stage))
     turn = train.shaft(shaft).order
     beside = [5.43 + turn, 5.43 - turn, 2 * 5.43 - turn, 2 * 5.43 + 2 * turn]
-    found, alone = Naming(lines([5.43, *beside, 31.77]), train, 1e-3, 100.0).series()
+    found, alone = Naming(lines([5.43, *beside, 30.9]), train, 1e-3, 100.0).series()
     told = [
         "1 x",
         *(f"{own} x shaft {shaft}" for own in ("1 x + 1", "1 x - 1", "2 x - 1", "2 x + 2")),
@@ -171,6 +171,26 @@ def test_what_is_modulated_by_a_shaft_is_one_thing_with_its_sidebands(shaft):
     assert found.labels == dict(enumerate(told))
     assert found.name.startswith("lines at multiples of order 5.43 of shaft 1")
     assert list(alone.labels) == [5]
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_knocks_that_do_not_scatter_are_one_thing_far_up(named):
+    """Each line tells the order more finely: it is known to half a width of the highest."""
+    train, _ = with_bearing()
+    (race,) = [line.order for line in train.lines if "inner race" in line.name]
+    if not named:
+        stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
+        train = kinematics(load_machine(operating={"speed_rpm": 1500.0}, stage=stage))
+    generator = np.random.default_rng(7)
+    read = [0.997 * race * n + r for n in (1, 2, 4, 7, 12, 13, 19, 22, 30, 33) for r in (-1, 0, 2)]
+    read = read[1:] + generator.uniform(-0.4, 0.4, len(read) - 1) * WIDTH
+    alone = [0.997 * race * 20.31, 0.997 * race * 24.4]
+    found, *others = Naming(lines([*read, *alone]), train, WIDTH, 200.0).series()
+    assert found.kind == ("bearing" if named else "unknown lines")
+    assert sorted(found.labels) == list(range(len(read)))
+    by = "shaft" if named else "shaft 1"
+    assert [found.labels[i] for i in (0, 28, 27)] == ["1 x", f"33 x + 2 x {by}", "33 x"]
+    assert [list(one.labels) for one in others] == [[len(read)], [len(read) + 1]]
 
 
 def test_knocks_of_an_inner_race_are_one_bearing_with_their_sidebands():
