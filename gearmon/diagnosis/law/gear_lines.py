@@ -243,8 +243,8 @@ class GearDeviation:
         """
         place = int(np.argmax(self._energy))
         left, freedom, rest = self._beside([place])
-        energy = self._around(rest)
-        if self.meetings == 1 and energy.max() > _SECOND_EVENT * np.median(energy):
+        energy = self._around(rest) if self.meetings == 1 else np.ones(1)
+        if energy.max() > _SECOND_EVENT * np.median(energy):
             both = self._beside([place, int(np.argmax(energy))])
             if both[1] >= _LEAST_LEFT * self.lines:
                 left, freedom, _ = both
