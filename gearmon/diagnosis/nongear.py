@@ -73,7 +73,8 @@ _BEARING_HARMONICS, _BEARING_SIDEBANDS = 6, 2
 # by chance with less than this probability. Knocks at 60 to 100 Hz whose distances scatter by 1 %
 # spread their lines, of 10 s, over 0.85 % of their order: so far from one another.
 _REPEATS, _CHANCE, _SLIP_SPREAD = 12, 0.01, 8e-3
-# Multiples at which they stand, and sidebands of the first: of farther ones any line would be one.
+# Multiples at which they stand, and sidebands of the first three: of farther ones any line would be
+# one. So many times farther than a line that tells the order another may be told by it.
 _FARTHEST, _PLACES = 3, [(times, 0) for times in range(1, _REPEATS + 1)]
 _PLACES += product(range(1, _FARTHEST + 1), (-2, -1, 1, 2))
 # Parts of a turn in which a loose shaft repeats, and the highest order at which it is looked for.
@@ -714,17 +715,15 @@ class Naming(NamedTuple):
         share = 2 * np.maximum(self.width / base, _SLIP_SPREAD * times)
         share *= 1 + np.where(times <= _FARTHEST, most, 0)
         counts = (times <= _REPEATS) & (np.abs(orders / base - 1) > _SLIP_SPREAD)
-        if _hardly({*found.values()} & {*_PLACES}, 1, np.minimum(share, 1.0)[counts].sum()):
+        if _beyond_chance({*found.values()} & {*_PLACES}, 1, np.minimum(share, 1.0)[counts].sum()):
             return found
         # those that do not scatter stand at multiples of what the highest of them tells
-        told = ((n, self.lines[i].order - r * modulating) for i, (n, r) in found.items())
-        own = (highest := max(told))[1] / highest[0]
-        off = {
-            i: abs(self.lines[i].order - n * own - r * modulating) for i, (n, r) in found.items()
-        }
+        one = {i: (self.lines[i].order - r * modulating) / n for i, (n, r) in found.items()}
+        order = one[max(found, key=lambda i: found[i])]
+        off = {i: n * abs(one[i] - order) for i, (n, _) in found.items()}
         sharp = {i: place for i, place in found.items() if off[i] <= self.width}
         expected = len(left) * min(1.0, 2 * self.width * (1 + most) / base)
-        return sharp if _hardly({*sharp.values()}, 2, expected) else {}
+        return sharp if _beyond_chance({*sharp.values()}, 2, expected) else {}
 
     def _loose(self, left: set[int], shaft: Shaft, part: int) -> NamedSeries | None:
         """Half or third orders of a shaft."""
@@ -739,8 +738,8 @@ class Naming(NamedTuple):
         return NamedSeries("looseness", f"{_PARTS[part]} orders of shaft {shaft.number}", labels)
 
 
-def _hardly(places: Collection[tuple[int, int]], fitted: int, expected: float) -> bool:
-    """Whether lines at so many places, beside those that tell where, would hardly be chance."""
+def _beyond_chance(places: Collection[tuple[int, int]], fitted: int, expected: float) -> bool:
+    """Whether lines at so many places, beside those that were fitted, are more than chance."""
     others = len(places) - fitted
     return others >= 2 and bool(pdtrc(others - 1, expected) <= _CHANCE)
 
