@@ -271,13 +271,13 @@ class GearVibration:
         first, sums = self.first, self.sums(self.nominal_hz * (1 + SPEED_TOLERANCE))
         if sums is None:
             return replace(first, notes=("no mesh harmonic lies below the Nyquist frequency",))
-        track, share = phases.follow_lines(sums, first.track, self.comb)
+        track, share = phases.follow_lines(sums, first.track)
         found = replace(first, track=track, coherent=share)
         calm = share > (_NEARLY if track.wander < _WANDERS else COHERENT)
         if not calm:
             # a broken tooth fills the orders of its gear, and the comb suits two speeds alike
             course = phases.integrate_speed(first.scan.elsewhere(_BESIDE), self.last_s)
-            other, its = phases.follow_lines(sums, course, self.comb)
+            other, its = phases.follow_lines(sums, course)
             if its > share + _FAR_BETTER:
                 judged = replace(self.judged(other), coherent=its)
                 if judged.detected >= found.detected:
@@ -503,7 +503,7 @@ def _locked(
     track = phases.integrate_speed(speed, signal.last_s)
     for reach, turns in searches:
         track = phases.unwarp(sums, track, signal.comb, reach, turns)
-    track, share = phases.lock_track(sums, track)
+    track, share = phases.follow_lines(sums, track)
     judged = replace(signal.judged(track), coherent=share)
     if not _agrees(judged):
         return None

@@ -16,7 +16,7 @@ from reference.synthetic_signals import (
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.orders import InAngle, OrderSums
-from gearmon.signals.tracking import SpeedScan, integrate_speed, lock_track
+from gearmon.signals.tracking import SpeedScan, follow_lines, integrate_speed, lock_track
 from gearmon.signals.tracking.comb import peak_refined
 from gearmon.signals.tracking.phases import scan_angle, unwarp
 from gearmon.signatures.tracking import machine_comb
@@ -248,3 +248,34 @@ def test_angle_of_the_cases_rises_as_told(law):
     assert speed.mean() == pytest.approx(25.0 * 1.05, rel=0.08)
     expected = 0.05 if law == "wander" else 0.05 / np.sqrt(12)
     assert speed.std() / speed.mean() == pytest.approx(expected, rel=0.4)
+
+
+def rippling(rng, time, share):
+    """Angle of a shaft whose speed ripples at 2 to 6 Hz, its standard deviation a share of it."""
+    tones = [(rng.normal(), rng.uniform(2, 6), rng.uniform(0, 6.28)) for _ in range(5)]
+    speed = sum(a * np.sin(2 * np.pi * f * time + p) for a, f, p in tones)
+    speed = NOMINAL * (1 + share * speed / speed.std())
+    return np.concatenate([[0.0], np.cumsum(speed[1:] * np.diff(time))])
+
+
+@pytest.mark.parametrize("share", [0.005, 0.01])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_load_that_ripples_fast_is_followed_by_high_harmonics_alone(seed, share):
+    """Long blocks smear them, and the low ones that would bear it are drowned."""
+    rng, rate, meshes = np.random.default_rng(seed), 10_000.0, 23.0 * np.arange(1, 7)
+    time = np.arange(int(DURATION * rate)) / rate
+    turns = rippling(rng, time, share)
+    orders = [m + r for m in meshes for r in (-2, -1, 0, 1, 2)]
+    levels = np.repeat([0.02, 0.02, 0.1, 0.6, 1.0, 0.5], 5) * np.tile([0.1, 0.2, 1, 0.2, 0.1], 6)
+    samples = lines_on(turns, orders, levels, rng.uniform(0, 6.28, 30))
+    sums = OrderSums(samples + white((1, len(turns)), 0.7, seed=seed), rate, meshes)
+    track, coherent = follow_lines(sums, constant_track(NOMINAL, time[-1]))
+    assert coherent > 0.9
+    error = error_of(track, turns, rate)
+    assert np.quantile(np.abs(error - np.median(error)), 0.9) * 23 < 0.02
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_is_not_made_coherent_by_following_it(seed):
+    sums = OrderSums(white((1, len(TIME)), 1.0, seed=seed), RATE, MESHES)
+    assert follow_lines(sums, constant_track(NOMINAL, TIME[-1]))[1] < 0.5
