@@ -418,9 +418,9 @@ class Tracking:
 
     @property
     def clear_share(self) -> float:
-        """Share of the harmonics of all meshes that is clear; 0 where no mesh stands out."""
-        visible = sum(seen.visible for seen in self.evidence)
-        return sum(seen.clear for seen in self.evidence) / visible if self.detected else 0.0
+        """Share of the harmonics of a mesh that is clear, in the mean; 0 where none stands out."""
+        told = [seen.clear / seen.visible for seen in self.evidence if seen.visible]
+        return float(np.mean(told)) if self.detected else 0.0
 
     @property
     def shown(self) -> float:

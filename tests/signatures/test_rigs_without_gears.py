@@ -76,6 +76,20 @@ def test_alternating_pitch_errors_are_a_gears_own_comb_at_half_the_mesh():
     assert spacing_about(samples, RATE, 20.0, 24, 65, own=[1.0, 24 / 65]) is None
 
 
+@pytest.mark.parametrize("beside", [0.35, 0.0])
+def test_every_third_order_of_a_broken_pinion_is_no_other_thing_that_turns(beside):
+    """Of 18 teeth these are four lines of its pattern; but a comb alone there is another thing."""
+    generator = np.random.default_rng(3)
+    time = np.arange(int(8 * RATE)) / RATE
+    orders = np.arange(1, 127.0)
+    levels = np.where(orders % 3 == 0, 1.0, beside) * generator.lognormal(0, 0.2, len(orders))
+    phases = generator.uniform(0, 6.28, len(orders))
+    samples = lines_on(20.0 * time, orders, levels, phases) + white((1, len(time)), 5.0, seed=1)
+    assert spacing_about(samples, RATE, 20.0, 18, 37) in (3.0, 9.0)
+    own = spacing_about(samples, RATE, 20.0, 18, 37, own=[1.0])
+    assert own is None if beside else own == pytest.approx(3.0)
+
+
 def test_invented_pairs_are_not_found_on_bearings():
     # 20 rigs: at the one in fifty of a larger trial (568 pairs) more than one would be rare
     found = []

@@ -390,7 +390,9 @@ def foreign_spacing(
     Spacings of a whole part, or two or three times that, of the mesh order are tried. How far a
     line stands out is its log(1 + signal-to-noise ratio) less the mean of its neighbours at the
     distance of each shaft: a faulty tooth, too, fills the orders between those of the mesh, but all
-    multiples of its shaft alike.
+    multiples of its shaft alike. Of 18 teeth every third is the same few lines of their pattern,
+    which chance may put above the rest: where a spacing is so many turns of a gear of its own, the
+    lines between are another thing's only if nearly all of their height is above those neighbours.
     """
     last = max(_HARMONICS, len(mesh.groups))
     quality = spectrum.quality[: int((last + 1) * mesh.order / spectrum.step)]
@@ -399,7 +401,7 @@ def foreign_spacing(
     for turns in own:
         times = tried / turns
         tried = tried[(np.abs(times - np.rint(times)) > 1e-6) | (times <= _SIDEBANDS + 0.5)]
-    found = [_finer_comb(one, mesh, tried, least) for one in lines]
+    found = [_finer_comb(one, mesh, tried, least, own) for one in lines]
     return min((spacing for spacing in found if spacing is not None), default=None)
 
 
@@ -437,7 +439,9 @@ class _Lines:
         return np.asarray(self.at(orders) - below)
 
 
-def _finer_comb(lines: _Lines, mesh: MeshComb, tried: FloatArray, least: int) -> float | None:
+def _finer_comb(
+    lines: _Lines, mesh: MeshComb, tried: FloatArray, least: int, own: Orders
+) -> float | None:
     """Coarsest spacing whose lines between those of the mesh are as clear as these."""
     harmonics = np.arange(1.0, max(_HARMONICS, len(mesh.groups)) + 1) * mesh.order
     clear = np.flatnonzero(lines.at(harmonics) >= np.quantile(lines.height, 1 - _CLEAREST))
@@ -466,6 +470,9 @@ def _finer_comb(lines: _Lines, mesh: MeshComb, tried: FloatArray, least: int) ->
         mine = slice(start[number], start[number] + sizes[number])
         standing = lines.standing(orders[mine], told_apart, (tried[number], mesh.order))
         stands, clear_by = standing[between[mine]].mean(), standing[meshed[mine]].mean()
+        times = tried[number] / np.array(own)
+        if np.any(np.abs(times - np.rint(times)) < 1e-6):
+            clear_by = max(clear_by, off[number] / many[number])
         if stands > _AS_CLEAR * clear_by and stands * np.sqrt(many[number]) > _SURE:
             return float(tried[number])
     return None

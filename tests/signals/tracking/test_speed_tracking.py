@@ -14,8 +14,10 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.recording import Recording
+from gearmon.signals.tracking.mesh_detection import MeshEvidence
 from gearmon.signatures.measured.measurement import measure_signature
 from gearmon.signatures.speed_channels import track_recording
+from gearmon.signatures.tracking import GearVibration
 from gearmon.simulation import simulate
 
 
@@ -203,3 +205,20 @@ def test_a_machine_of_other_tooth_counts_is_not_taken_for_this_one(more):
     case = make_case(0, machine=train_of((30, 71)), amount=0.001)
     wrong = train_of((30 + more, 71 + more))
     assert not measure_signature(case.recording, wrong).found
+
+
+def test_one_slow_mesh_of_many_harmonics_does_not_outweigh_a_mesh_that_is_clear_in_all_of_its():
+    """Lines of the fast mesh are multiples of the slow one's at another speed, 12 % off."""
+    machine = train_of((27, 77), (23, 50))
+    samples = white((1, 8000), seed=1)
+    first = GearVibration(samples=samples, rate=4000.0, machine=machine, nominal_hz=25.0).first
+    few = {"decoys": 56, "decoys_above": 0}
+
+    def told(*evidence):
+        each = tuple(MeshEvidence(score=s, clear=c, visible=v, **few) for s, c, v in evidence)
+        return replace(first, evidence=each, coherent=1.0)
+
+    right, wrong = told((10.6, 8, 8), (1.7, 4, 20)), told((-1.4, 0, 8), (3.8, 13, 20))
+    assert right.shown == pytest.approx((1 + 4 / 20) / 2)
+    assert right.shown > wrong.shown
+    assert told((-1.4, 0, 8), (0.5, 2, 20)).shown == 0
