@@ -9,9 +9,10 @@ from matplotlib.patches import Circle
 
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.pairs import mesh_pairs
+from gearmon.gears.tooth_damage import tooth_damage
 from gearmon.gears.tooth_pairs import teeth_of
-from gearmon.machine import ParallelStage
-from gearmon.report.teeth_plots import half_profile, plot_flank, plot_teeth, teeth_picture
+from gearmon.machine import ParallelStage, PlanetaryStage
+from gearmon.report.teeth_plots import POINTS, half_profile, plot_flank, plot_teeth, teeth_picture
 
 STAGE = ParallelStage(
     pinion_teeth=26,
@@ -20,6 +21,9 @@ STAGE = ParallelStage(
     face_width_mm=20.0,
     bore_diameter_pinion_mm=20.8,
     bore_diameter_gear_mm=42.4,
+)
+PLANETARY = PlanetaryStage(
+    sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=4, module_mm=2.0, face_width_mm=20.0
 )
 
 
@@ -38,9 +42,11 @@ def test_teeth_touch_and_do_not_overlap():
         assert beyond.max() == pytest.approx(1e3 * pair.second.tip_radius_m, rel=1e-3)
 
 
-def test_teeth_and_spaces_of_the_picture_are_equally_wide_on_the_reference_circle():
-    pair = teeth_of(mesh_pairs(STAGE)[0])
-    for gear, tooth, centre in zip(teeth_picture(pair).gears, pair.teeth, (0.0, 79.0), strict=True):
+@pytest.mark.parametrize("pair", [mesh_pairs(STAGE)[0], mesh_pairs(PLANETARY)[1]])
+def test_teeth_and_spaces_of_the_picture_are_equally_wide_on_the_reference_circle(pair):
+    pair = teeth_of(pair)
+    centres = 0.0, 1e3 * pair.centres_m[0]
+    for gear, tooth, centre in zip(teeth_picture(pair).gears, pair.teeth, centres, strict=True):
         points = gear.outline @ [1, 1j] - 1j * centre
         radius, angle = np.abs(points), np.unwrap(np.angle(points))
         over = radius - 1e3 * tooth.reference_radius_m
@@ -110,6 +116,18 @@ def test_spall_is_drawn_to_scale():
     around = picture.gears[1].outline @ [1, 1j] - floor
     turns = np.angle(np.roll(around, -1) / around).sum() / (2 * np.pi)
     assert abs(turns) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("fault", ["spall:1:gear:5:6x0.8x0.2mm", "pitting:1:gear:5:20%flank"])
+def test_a_spall_is_cut_as_a_rectangle_and_a_pit_as_half_an_ellipse(fault):
+    """By their areas; the curve of the flank takes little of them."""
+    gear = teeth_picture(teeth_of(mesh_pairs(STAGE)[0]), [parse_fault(fault)]).gears[1]
+    hole, drawn = tooth_damage(gear.faults, gear.tooth).holes[0], gear.damage[0]
+    x, y = drawn.section.T
+    area = abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)) / 2
+    long = np.hypot(*np.diff(drawn.section[:POINTS], axis=0).T).sum()
+    box = 1e3 * hole.depth_m * long
+    assert area == pytest.approx(box * np.pi / 4 if hole.round else box, rel=0.03)
 
 
 @pytest.mark.parametrize("percent", [10, 40])
