@@ -169,6 +169,16 @@ def test_tables_hold_what_arrived(address):
             assert told[key] == row[heading].lstrip("!✓– ")
 
 
+def test_a_table_has_every_indicator_that_any_of_its_recordings_has(tmp_path):
+    fleet = made_fleet(tmp_path, ("a",))
+    for day, text in enumerate(("bad", "0.25", "bad")):
+        arrive(tmp_path, "a_{}.txt", text, days=day)
+    run_fleet(fleet, at_once)
+    with served(fleet) as own:
+        told = csv.DictReader(io.StringIO(Answer(own, "/table.csv?machine=a").text))
+        assert [row["rms, a1"] for row in told] == ["", "1.25", ""]
+
+
 def test_the_course_of_the_score_fills_its_box_from_the_left_to_the_right(address):
     """Zero lies at the foot, 19 of 20 high; the top, at 1, is a score of 8."""
     drawn = re.findall(r'viewBox="0 0 90 20".*?points="([^"]+)"', Answer(address, "/").text)

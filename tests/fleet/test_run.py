@@ -35,6 +35,7 @@ from gearmon.fleet.ledger import compare, rank, write_results
 from gearmon.fleet.plan import FleetMachine, Hook, arrived
 from gearmon.fleet.run import analysed
 from gearmon.signals.recording import Recording
+from gearmon.signals.threads import THREADS, cores
 
 
 def test_progress_rises_from_the_first_recording_to_all_of_them(tmp_path):
@@ -366,6 +367,11 @@ def test_a_look_is_told_of_if_it_did_anything_be_it_in_vain(tmp_path, monkeypatc
         [] if text is None else [(1, 0)] if text == "0.1" else [(0, 1)]
     )
     assert waited == [7.0, 7.0]
+
+
+def test_a_worker_of_a_cluster_keeps_to_one_core(monkeypatch):
+    monkeypatch.setenv(THREADS, "3")
+    assert running._batch([None, None], lambda _: cores()) == [1, 1]
 
 
 def test_two_runners_do_not_share_a_fleet(tmp_path):

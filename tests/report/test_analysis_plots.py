@@ -160,9 +160,10 @@ def test_without_a_mesh_the_close_up_shows_as_much_below_as_above_where_it_was_l
     assert mark.place - drawn[0] == pytest.approx(drawn[-1] - mark.place, rel=0.02)
 
 
-def test_the_close_up_shows_the_harmonic_whose_sidebands_changed(faulty):
+@pytest.mark.parametrize("change_db", [40, -40])
+def test_the_close_up_shows_the_harmonic_whose_sidebands_changed(faulty, change_db):
     changes = [
-        replace(change, level_db=change.reference_db + (40 if change.harmonic == 3 else 0))
+        replace(change, level_db=change.reference_db + change_db * (change.harmonic == 3))
         for change in faulty.analysis.changes
     ]
     assert close_up_harmonic(replace(faulty.analysis, changes=tuple(changes)), 1) == 3

@@ -25,6 +25,7 @@ STAGE = ParallelStage(
 PLANETARY = PlanetaryStage(
     sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=4, module_mm=2.0, face_width_mm=20.0
 )
+BOTH_PAIRS = pytest.mark.parametrize("pair", [mesh_pairs(STAGE)[0], mesh_pairs(PLANETARY)[1]])
 
 
 def test_teeth_touch_and_do_not_overlap():
@@ -42,7 +43,14 @@ def test_teeth_touch_and_do_not_overlap():
         assert beyond.max() == pytest.approx(1e3 * pair.second.tip_radius_m, rel=1e-3)
 
 
-@pytest.mark.parametrize("pair", [mesh_pairs(STAGE)[0], mesh_pairs(PLANETARY)[1]])
+@BOTH_PAIRS
+def test_the_contact_moves_evenly_along_a_line_and_is_drawn_in_its_middle_by_default(pair):
+    pair = teeth_of(pair)
+    first, last = (teeth_picture(pair, phase=own).contact for own in (0.0, pair.contact_ratio))
+    assert teeth_picture(pair).contact == pytest.approx((first + last) / 2)
+
+
+@BOTH_PAIRS
 def test_teeth_and_spaces_of_the_picture_are_equally_wide_on_the_reference_circle(pair):
     pair = teeth_of(pair)
     centres = 0.0, 1e3 * pair.centres_m[0]

@@ -14,6 +14,7 @@ from gearmon.report.text import (
     change_text,
     line_table_text,
     reference_text,
+    strongest_changes,
 )
 
 
@@ -45,6 +46,14 @@ def test_the_strongest_changes_are_listed_where_no_flag_tells(faulty):
     told = f"{strongest.channel}: {strongest.family} {change:+.1f} dB (scatter {scatter:.1f} dB)"
     assert told in text
     assert text.count("(scatter ") == 1
+
+
+def test_what_falls_is_as_strong_as_what_rises_by_as_much(faulty):
+    changes = faulty.analysis.changes
+    fallen = [replace(own, level_db=2 * own.reference_db - own.level_db) for own in changes]
+    both = [strongest_changes(replace(faulty.analysis, changes=own)) for own in (changes, fallen)]
+    for rise, fall in zip(*both, strict=True):
+        assert (rise.family, rise.channel) == (fall.family, fall.channel)
 
 
 def test_a_name_cannot_steer_the_terminal(healthy):
