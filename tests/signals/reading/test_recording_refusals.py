@@ -39,6 +39,14 @@ def path(tmp_path):
     return tmp_path / "recording.csv"
 
 
+@pytest.mark.parametrize("cell", ["nan", "-inf", "1e999", "", "#N/A"])
+@pytest.mark.parametrize("index", [0, 1, len(LINES) - 1])
+def test_a_cell_without_a_number_is_named_by_its_line_wherever_it_stands(path, index, cell):
+    assert f", line {index + 2}, column 2 ('b'): " in refusal(
+        path, with_line(index, f"1,{cell},3\n")
+    )
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
