@@ -41,10 +41,12 @@ def path(tmp_path):
 
 @pytest.mark.parametrize("cell", ["nan", "-inf", "1e999", "", "#N/A"])
 @pytest.mark.parametrize("index", [0, 1, len(LINES) - 1])
-def test_a_cell_without_a_number_is_named_by_its_line_wherever_it_stands(path, index, cell):
-    assert f", line {index + 2}, column 2 ('b'): " in refusal(
-        path, with_line(index, f"1,{cell},3\n")
-    )
+@pytest.mark.parametrize("column", [1, 2, 3])
+def test_a_cell_without_a_number_is_named_by_its_place_wherever_it_is(path, index, column, cell):
+    cells = ["1"] * 3
+    cells[column - 1] = cell
+    message = refusal(path, with_line(index, ",".join(cells) + "\n"))
+    assert f", line {index + 2}, column {column} ('{'abc'[column - 1]}'): " in message
 
 
 @pytest.mark.parametrize(
