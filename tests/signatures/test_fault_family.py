@@ -92,6 +92,7 @@ def test_member_is_the_full_solve(machine, kind, stage, gear, size, tooth):
     told = full.header["stages"][stage - 1]
     bound = 2 * (told["error_bound"] or told["error_estimate"])
     assert whole < bound
+    assert member.lines.mean_m == pytest.approx(told["mean_deflection_m"], rel=bound)
     # the bound is relative to all lines
     levels = family.rows()[0]
     if levels["sidebands_ms2"]:
@@ -109,7 +110,9 @@ def test_healthy_is_the_expected_signature():
     family = fault_family(COMBINE, kinds=["wear"], sizes=["5%"])
     full = expected_signature(COMBINE, operating=1)
     for stage in (1, 2):
-        assert max(distances(family.healthy[1, stage, 0].columns(), full, stage)) < 1e-6
+        healthy, told = family.healthy[1, stage, 0], full.header["stages"][stage - 1]
+        assert max(distances(healthy.columns(), full, stage)) < 1e-6
+        assert healthy.mean_m == pytest.approx(told["mean_deflection_m"], rel=1e-6)
 
 
 def test_wear_is_a_softer_mesh():
