@@ -322,6 +322,19 @@ def test_on_other_addresses_than_those_of_this_computer_a_token_is_asked_for(
     assert tuple(asked["app"]["hosts"]) == known
 
 
+def test_what_cannot_be_shown_is_said_in_plain_letters(address, monkeypatch):
+    from gearmon.fleet import pages
+
+    def refused(*_):
+        raise ArgumentError("a\x1b[2Jb: no such file")
+
+    monkeypatch.setattr(pages._Site, "_named", refused)
+    answer = Answer(address, "/machine?name=a")
+    assert answer.status == 404
+    assert answer.text.rstrip("\n").isprintable()
+    assert answer.text.endswith("b: no such file\n")
+
+
 @pytest.mark.parametrize(
     "path", ["/", "/machine?name=b", "/table.csv", "/fleet.css", "/charts.js", "/machine?name=z"]
 )

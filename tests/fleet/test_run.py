@@ -32,7 +32,7 @@ from gearmon.errors import ArgumentError, GearmonError, MachineFileError, Signat
 from gearmon.fleet import alarms, read_fleet, run_fleet, watch_fleet
 from gearmon.fleet import run as running
 from gearmon.fleet.ledger import compare, rank, write_results
-from gearmon.fleet.plan import FleetMachine, Hook, arrived
+from gearmon.fleet.plan import FleetMachine, Hook, arrived, is_remote
 from gearmon.fleet.run import analysed
 from gearmon.signals.recording import Recording
 from gearmon.signals.threads import THREADS, cores
@@ -300,6 +300,12 @@ def test_a_folder_that_cannot_be_reached_is_said(tmp_path):
     (tmp_path / "fleet.toml").write_text(text)
     with pytest.raises(ArgumentError, match=r'"nowhere://inbox": cannot be read \(Protocol'):
         run_fleet(read_fleet(tmp_path / "fleet.toml"), at_once)
+
+
+@pytest.mark.parametrize("place", ["inbox", "a:b/inbox", r"C:\recordings", "/var//log:1"])
+def test_only_what_names_a_scheme_is_elsewhere(place):
+    assert not is_remote(place)
+    assert is_remote(f"s3://{place}")
 
 
 def test_a_link_in_a_circle_is_said_with_the_recordings_that_cannot_be_used(tmp_path):

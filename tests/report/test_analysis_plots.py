@@ -17,6 +17,7 @@ from gearmon.report.analysis_plots import (
     turn_figure,
 )
 from gearmon.report.curves import flagged_place, mark_label, mesh_marks, profile_of
+from gearmon.report.plots import as_png
 from gearmon.report.spectrum_plots import (
     amplitude_figure,
     close_up_figure,
@@ -368,3 +369,19 @@ def test_the_tooth_that_is_named_without_a_flag_is_the_highest_bar(healthy):
     highest = max(ax.patches, key=lambda bar: bar.get_height())
     number = round(highest.get_x() + 0.5 * highest.get_width())
     assert said == f"tooth {number}: {highest.get_height():.1f} × elsewhere (highest, not flagged)"
+
+
+@pytest.mark.parametrize("place", [0.0, 0.5, 0.62, 1.0])
+def test_words_at_the_highest_tooth_stand_within_the_picture(healthy, place):
+    gear = pinion(healthy)
+    energy = np.ones(gear.teeth)
+    energy[round(place * (gear.teeth - 1))] = 30.0
+    profiles = [
+        replace(own, energy=energy) if own.gear == gear.gear else own
+        for own in healthy.analysis.profiles
+    ]
+    figure = turn_figure(replace(healthy.analysis, profiles=tuple(profiles)), gear)
+    as_png(figure)
+    (words,) = figure.axes[-1].texts
+    box, room = words.get_window_extent(), figure.axes[-1].get_window_extent()
+    assert room.x0 <= box.x0 < box.x1 <= room.x1

@@ -113,6 +113,11 @@ def test_of_several_the_worst_comes_first(faulty, healthy, alone, gearless):
     assert lines[0].startswith("FAULT (4 recordings: 1 fault")
     assert lines[1].split()[:2] == ["made-7.csv", "FAULT"]
     assert lines[4].split()[:2] == ["made-8.csv", "HEALTHY"]
+    # what was found stands under one another, however long the names
+    short = replace(healthy.analysis, recording="a")
+    _, *rows, _ = overview_lines([short, faulty.analysis])
+    places = {line.index(word) for line, word in zip(rows, ("FAULT", "HEALTHY"), strict=True)}
+    assert len(places) == 1
 
 
 def test_the_page_opens_with_the_worst_and_folds_the_evidence(tmp_path, healthy, faulty):
