@@ -110,6 +110,28 @@ def test_every_result_has_a_short_text_a_frame_and_built_in_types(name, tmp_path
         assert path.stat().st_size > 0
 
 
+def otherwise(own, told, place=()):
+    """Where built-in types tell a field of a result, or of what it holds, otherwise than it is."""
+    if isinstance(told, dict) and not isinstance(own, dict):
+        known = {key: getattr(own, key) for key in told if hasattr(own, key)}
+        for key, value in known.items():
+            yield from otherwise(value, told[key], (*place, key))
+    elif isinstance(told, list) and isinstance(own, list | tuple) and len(told) == len(own):
+        for number, (value, one) in enumerate(zip(own, told, strict=True)):
+            yield from otherwise(value, one, (*place, number))
+    elif isinstance(own, str | int | float):
+        # JSON has no number for what is not finite
+        finite = isinstance(own, str) or math.isfinite(own)
+        if told != own if finite else told not in (None, str(own)):
+            yield place, own, told
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_called_like_a_field_is_told_as_the_field_is(name):
+    result = results()[name]
+    assert list(otherwise(result, result.to_dict())) == []
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_pictures_are_drawn_and_their_axes_returned(name):
     result = results()[name]
