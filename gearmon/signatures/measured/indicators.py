@@ -400,7 +400,8 @@ def indicator_table(
     machine = None if machine is None else load_machine(machine)
     recording = opened(recording, machine, sampling_rate_hz, unit)
     vibration = recording.vibration()
-    raw = waveform_indicators(vibration.samples, vibration.channel_names)
+    # by their numbers: names of channels may be alike
+    raw = waveform_indicators(vibration.samples, tuple(map(str, range(len(vibration.samples)))))
     raw = {"RMS": raw.pop("rms")} | raw
     rows = _rows(vibration, {name: [*values.values()] for name, values in raw.items()})
     notes, run = list(recording.notes), history
