@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
 from inspect import isfunction, signature
@@ -19,6 +19,7 @@ from gearmon.cli import COMMANDS as ALL
 from gearmon.cli import main
 from gearmon.exposure import DayPlan, Job, sum_up
 from gearmon.harvesting import InertialHarvester, vibration_of_lines
+from gearmon.report.survey_text import exposure_lines
 from gearmon.result import Result
 
 
@@ -153,6 +154,14 @@ def test_pictures_are_drawn_and_their_axes_returned(name):
         # mesh harmonics end in the corner, whatever natural frequencies there are
         assert badly_filled(first.get_figure(), 0.99, across=False) == []
     assert first.get_ylabel() or first.get_xlabel() or first.get_title("left")
+
+
+@pytest.mark.parametrize("name", ["exposure", "gear share"])
+def test_notes_of_an_exposure_cannot_steer_the_terminal(name):
+    noted = replace(results()[name], warnings=("channel a\x1b[2Jb",))
+    lines = exposure_lines(noted)
+    assert any("[2Jb" in line for line in lines)
+    assert all(line.isprintable() for line in lines)
 
 
 def test_a_short_text_shows_short_fields_and_counts_long_ones():

@@ -385,3 +385,13 @@ def test_words_at_the_highest_tooth_stand_within_the_picture(healthy, place):
     (words,) = figure.axes[-1].texts
     box, room = words.get_window_extent(), figure.axes[-1].get_window_extent()
     assert room.x0 <= box.x0 < box.x1 <= room.x1
+
+
+def test_what_is_called_without_mesh_harmonics_has_none_and_the_average_has(faulty):
+    gear = pinion(faulty)
+    for ax in turn_figure(faulty.analysis, gear).axes[:-1]:
+        drawn = (
+            named(ax)[own] for own in ("synchronous average", "the same without mesh harmonics")
+        )
+        whole, rest = (np.abs(np.fft.rfft(own.get_ydata()))[gear.teeth] for own in drawn)
+        assert rest < 1e-6 * whole

@@ -1,18 +1,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from reference.told_numbers import disordered, numbers, untold, with_units
 
 from gearmon.diagnosis.history.changes import ChangePoint, Growth
+from gearmon.diagnosis.history.trends import NEVER_S
 from gearmon.gears.kinematics import line_table
 from gearmon.report.analysis_plots import analysis_figures
 from gearmon.report.text import (
     analysis_text,
     change_text,
     line_table_text,
+    moment_text,
     reference_text,
     strongest_changes,
 )
@@ -208,3 +213,14 @@ def test_intervals_in_words_are_told_in_order():
         "5 m (6 to 7",
     ]
     assert dict(numbers({"a": {"b_hz": [1, True, float("nan")]}})) == {("a", "b_hz"): 1.0}
+
+
+@given(st.floats() | st.floats(0.0, NEVER_S, exclude_max=True))
+def test_any_time_has_a_text_that_is_right_to_the_minute(time_s):
+    text = moment_text(time_s)
+    if 0.0 <= time_s < NEVER_S:
+        told = datetime.strptime(text, "%Y-%m-%d %H:%M").replace(tzinfo=UTC)
+        assert -1e-3 <= time_s - told.timestamp() < 60.001
+        assert moment_text(time_s, fine=False) == text.split()[0]
+    elif not abs(time_s) < NEVER_S:
+        assert text == "beyond the calendar"

@@ -228,3 +228,9 @@ def test_a_gap_is_refused_where_that_channel_is_wanted_only(path):
     assert read_recording(path, 1000.0, channels=["a", "c"]).samples.shape == (2, 300)
     with pytest.raises(RecordingError, match="line 152, column 2"):
         read_recording(path, 1000.0, channels="a", tacho="b")
+
+
+def test_numbers_above_the_names_of_columns_are_none_of_the_samples(path):
+    path.write_text(f"2026,51200\n7\n{HEAD}{BODY}")
+    assert read_recording(path, 1000.0).samples.shape == (3, len(LINES))
+    assert "line 3: 2 numbers where the rows below have 3" in refusal(path, f"7\n{HEAD}1,2\n{BODY}")
