@@ -151,7 +151,8 @@ def test_channels_of_one_name_are_told_apart_by_their_columns_in_every_result(tm
     names = ("a (1)", "b", "a (3)")
     both = read_recording(path, 1000.0)
     assert both.channel_names == names
-    assert read_recording(path, 1000.0, channels=3).channel_names == names[2:]
+    for key in (3, names[2]):
+        assert read_recording(path, 1000.0, channels=key).channel_names == names[2:]
     frame = recording_spectrum(both, "rms").to_frame()
     assert list(frame.columns)[1:] == list(names)
     told = {row.channel: row.value for row in indicator_table(both).rows if row.indicator == "RMS"}
