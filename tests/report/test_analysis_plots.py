@@ -180,6 +180,11 @@ def test_a_close_up_shows_as_much_below_its_harmonic_as_above(faulty, harmonic):
     shown = replace(faulty.analysis, changes=tuple(changes))
     figure = close_up_figure(shown, faulty.recording, mesh)
     assert figure.heading.endswith(f"harmonic {harmonic}")
+    assert "because its sidebands changed most" in figure.caption
+    others = tuple(change for change in changes if change.kind != "sidebands")
+    assert others
+    alone = close_up_figure(replace(shown, changes=others), faulty.recording, mesh)
+    assert "because it is the strongest" in alone.caption
     for ax in figure.axes:
         drawn, place = curve(ax).get_xdata(), harmonic * mesh.frequency_hz
         assert place - drawn[0] == pytest.approx(drawn[-1] - place, rel=0.01)

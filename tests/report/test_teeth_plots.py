@@ -106,10 +106,13 @@ def test_crack_is_drawn_to_scale():
 def test_a_broken_tip_is_drawn_down_from_the_tip():
     pair = teeth_of(mesh_pairs(STAGE)[0])
     for height in (0.5, 1.5):
-        fault = parse_fault(f"breakage:1:pinion:5:6mm,height={height}")
+        fault = parse_fault(f"breakage:1:pinion:5:6mm,height={height},from=3")
         gear = teeth_picture(pair, [fault]).gears[0]
         (gone,) = gear.damage
         assert (gone.low, gone.high) == pytest.approx((gear.tip - height, gear.tip))
+        assert (gone.face_start, gone.face_width) == pytest.approx((3.0, 6.0))
+    (gone,) = teeth_picture(pair, [parse_fault("missing:1:pinion:5")]).gears[0].damage
+    assert (gone.face_start, gone.face_width, gone.low) == pytest.approx((0.0, 20.0, 0.0))
 
 
 def test_spall_is_drawn_to_scale():
