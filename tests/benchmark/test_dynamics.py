@@ -230,6 +230,16 @@ def test_a_turn_errs_in_parts_of_what_its_fault_adds():
         assert turn.error(whole - share * added) == pytest.approx(share)
 
 
+def test_a_run_sweeps_as_many_sets_as_are_asked_for_by_its_seed(monkeypatch):
+    asked = []
+    for name in ("case_rows", "chart_rows", "family_rows", "growth_rows"):
+        monkeypatch.setattr(dynamics, name, lambda *_: [])
+    monkeypatch.setattr(dynamics, "sweep_rows", lambda *given: asked.append(given) or [])
+    assert dynamics.run_dynamics(seed=7, count=30) == []
+    assert dynamics.run_dynamics(quick=True, seed=8) == []
+    assert asked == [(30, 7, False), (200, 8, True)]
+
+
 def test_tasks_are_taken_in_turn():
     calls = []
     timings = interleaved([lambda: calls.append("a"), lambda: calls.append("b")], most=3)

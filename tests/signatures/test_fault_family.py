@@ -474,3 +474,13 @@ def test_what_a_fault_changes_goes_to_none_in_proportion_to_its_loss():
     # a softer pair lets the teeth give way
     assert (means[2] - means[1]) / (means[1] - means[0]) == pytest.approx(2.0, rel=0.02)
     assert means[1] > means[0] > 0
+
+
+def test_millimetres_are_depths_of_damage_and_no_errors():
+    known = {"kinds": ["crack", "pitch"], "gears": ["pinion"], "max_hz": 2e3}
+    sized = {
+        (member.kind, member.size) for member in fault_family(PAIR, sizes=["1mm", "20um"], **known)
+    }
+    assert sized == {("crack", "1mm"), ("pitch", "20um")}
+    with pytest.raises(ArgumentError, match="no size fits kind 'pitch'"):
+        fault_family(PAIR, sizes=["1mm"], **known)
