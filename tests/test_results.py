@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
 from inspect import isfunction, signature
@@ -19,6 +19,7 @@ from gearmon.cli import COMMANDS as ALL
 from gearmon.cli import main
 from gearmon.exposure import DayPlan, Job, sum_up
 from gearmon.harvesting import InertialHarvester, vibration_of_lines
+from gearmon.report.survey_text import exposure_lines
 from gearmon.result import Result
 
 
@@ -110,6 +111,28 @@ def test_every_result_has_a_short_text_a_frame_and_built_in_types(name, tmp_path
         assert path.stat().st_size > 0
 
 
+def otherwise(own, told, place=()):
+    """Where built-in types tell a field of a result, or of what it holds, otherwise than it is."""
+    if isinstance(told, dict) and not isinstance(own, dict):
+        known = {key: getattr(own, key) for key in told if hasattr(own, key)}
+        for key, value in known.items():
+            yield from otherwise(value, told[key], (*place, key))
+    elif isinstance(told, list) and isinstance(own, list | tuple) and len(told) == len(own):
+        for number, (value, one) in enumerate(zip(own, told, strict=True)):
+            yield from otherwise(value, one, (*place, number))
+    elif isinstance(own, str | int | float):
+        # JSON has no number for what is not finite
+        finite = isinstance(own, str) or math.isfinite(own)
+        if told != own if finite else told not in (None, str(own)):
+            yield place, own, told
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_called_like_a_field_is_told_as_the_field_is(name):
+    result = results()[name]
+    assert list(otherwise(result, result.to_dict())) == []
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_pictures_are_drawn_and_their_axes_returned(name):
     result = results()[name]
@@ -131,6 +154,14 @@ def test_pictures_are_drawn_and_their_axes_returned(name):
         # mesh harmonics end in the corner, whatever natural frequencies there are
         assert badly_filled(first.get_figure(), 0.99, across=False) == []
     assert first.get_ylabel() or first.get_xlabel() or first.get_title("left")
+
+
+@pytest.mark.parametrize("name", ["exposure", "gear share"])
+def test_notes_of_an_exposure_cannot_steer_the_terminal(name):
+    noted = replace(results()[name], warnings=("channel a\x1b[2Jb",))
+    lines = exposure_lines(noted)
+    assert any("[2Jb" in line for line in lines)
+    assert all(line.isprintable() for line in lines)
 
 
 def test_a_short_text_shows_short_fields_and_counts_long_ones():

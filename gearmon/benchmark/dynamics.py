@@ -342,7 +342,7 @@ def _of_size(meshes: int) -> Iterator[Contender]:
         yield Contender(BANDED, setting, None, _banded(p, row["unknowns"] - 1), lambda _: row)
 
 
-def fitted_exponent(rows: Sequence[Row], least: int = FIRST_FITTED) -> float | None:
+def fitted_exponent(rows: Sequence[Row]) -> float | None:
     """Exponent p of median_s ~ unknowns^p, or None with fewer than three rows to fit.
 
     Examples
@@ -351,7 +351,7 @@ def fitted_exponent(rows: Sequence[Row], least: int = FIRST_FITTED) -> float | N
     >>> round(fitted_exponent(rows), 6)
     1.5
     """
-    kept = [(row["unknowns"], row["median_s"]) for row in rows if row["unknowns"] >= least]
+    kept = [(row["unknowns"], row["median_s"]) for row in rows if row["unknowns"] >= FIRST_FITTED]
     if len(kept) < 3:
         return None
     x, y = np.log(np.array(kept)).T

@@ -81,10 +81,10 @@ class Case:
         return np.where(turned < 0.5, 1 + self.rectangle, 1 - self.rectangle)
 
 
-def square_wave(harmonics: int, variation: float = VARIATION) -> ComplexArray:
+def square_wave(harmonics: int) -> ComplexArray:
     """c_1..c_J of 1 + eps for half a period about t = 0, 1 - eps for the other half."""
     j = np.arange(1, harmonics + 1)
-    sizes = variation * np.sin(0.5 * math.pi * j) * 2 / (math.pi * j)
+    sizes = VARIATION * np.sin(0.5 * math.pi * j) * 2 / (math.pi * j)
     return np.asarray(sizes, dtype=np.complex128)
 
 
@@ -144,15 +144,13 @@ CASES: dict[str, Callable[[], Case]] = {
 QUICK = ("pair", "resonance w", "rectangle")
 
 
-def growing_turn(meshes: int, zeta: float = 0.07) -> HillProblem:
+def growing_turn(meshes: int) -> HillProblem:
     """Return a pair whose stiffness dips once in `meshes` mesh periods; ten harmonics a mesh.
 
     Parameters
     ----------
     meshes : int, >= 1
         Mesh periods in the period: the number of unknowns grows in proportion.
-    zeta : float
-        Damping ratio.
 
     Notes
     -----
@@ -164,7 +162,7 @@ def growing_turn(meshes: int, zeta: float = 0.07) -> HillProblem:
     dip = depth * width * math.sqrt(2 * math.pi) / meshes
     harmonics = -dip * np.exp(-2 * (math.pi * width * r / meshes) ** 2).astype(np.complex128)
     harmonics[meshes - 1 :: meshes] += square_wave(MESH_HARMONICS)
-    return pair(harmonics, zeta=zeta, meshes=meshes)
+    return pair(harmonics, zeta=0.07, meshes=meshes)
 
 
 class Lines(NamedTuple):

@@ -161,9 +161,11 @@ def _long_recording(count: int, channels: int = 1) -> Iterator[Path]:
         names = [f"a{n + 1}" for n in range(channels)]
         table = pd.DataFrame(made.samples[:, :count].T, columns=names)
         table[:0].to_csv(path, index=False)
+        whole, rest = divmod(count, len(table))
         block = table.to_csv(index=False, header=False, float_format="%.6g")
         with path.open("a", encoding="ascii") as file:
-            file.writelines(block for _ in range(count // len(table)))
+            file.writelines(block for _ in range(whole))
+            table[:rest].to_csv(file, index=False, header=False, float_format="%.6g")
         yield path
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import InitVar, dataclass, replace
@@ -275,8 +276,8 @@ def read_recording(
         try:
             return Recording(**interpret(read_memory(source, wanted), wanted))
         except RecordingError as error:  # whoever has a frame has no command line
-            told = str(error).replace("--sampling-rate HZ", "--sampling-rate")
-            raise RecordingError(told.replace("--sampling-rate", "sampling_rate_hz")) from None
+            told = re.sub("--sampling-rate( HZ)?", "sampling_rate_hz", str(error))
+            raise RecordingError(told.replace("--channel", "channels")) from None
     return Recording(**interpret(read_file(source, wanted), wanted))
 
 

@@ -56,6 +56,13 @@ def test_quick_run():
     assert {"ROC area", "false alarms", "called a fault", "run time in s"} <= figures
 
 
+def test_a_run_is_the_trials_of_as_many_machines_as_are_asked_for_all_with_its_seed(monkeypatch):
+    monkeypatch.setattr(detection, "machine_trials", lambda *given: [given])
+    monkeypatch.setattr(detection, "with_learning", lambda rows, seed: [*rows, seed])
+    assert detection.run_detection(3, 7) == [(0, 7, False), (1, 7, False), (2, 7, False), 7]
+    assert detection.run_detection(3, 7, quick=True) == [(0, 7, True), (1, 7, True), 7]
+
+
 def test_machine_whose_reference_is_refused(monkeypatch):
     """Every row tells why, and keeps its truth and its columns."""
 

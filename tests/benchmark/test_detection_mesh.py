@@ -90,3 +90,15 @@ def test_loss_of_one_tooth_acts_while_it_is_in_contact(model):
     hurt = model.wave(lost) > 0
     assert phase[hurt].min() >= 4.0
     assert phase[hurt].max() <= 4 + model.reach
+
+
+@pytest.mark.parametrize("mesh_hz", np.linspace(100.0, 1800.0, 18))
+def test_a_product_of_two_waves_has_the_harmonics_of_their_convolution(model, mesh_hz):
+    own, rng = replace(model, mesh_hz=mesh_hz), np.random.default_rng(1)
+    highest = own.harmonics
+    half = rng.normal(size=(2, highest + 1)) + 1j * rng.normal(size=(2, highest + 1))
+    half[:, 0] = half[:, 0].real
+    one, other = np.fft.irfft(half, own.points, norm="forward")
+    found = np.fft.rfft(one * other, norm="forward")[: highest + 1]
+    both = np.concatenate([half[:, :0:-1].conj(), half], axis=1)
+    np.testing.assert_allclose(found, np.convolve(*both)[2 * highest :][: highest + 1], atol=1e-9)

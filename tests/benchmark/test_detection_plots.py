@@ -93,6 +93,13 @@ def test_reliability_ends_at_one(table, ax):
 def test_kinds_are_all_counted(table, ax):
     plot_kinds(table, ax)
     assert sum(int(text.get_text()) for text in ax.texts) == len(table)
+    # a row is coloured by the shares of what was found in its condition
+    shares = np.asarray(ax.images[0].get_array())
+    assert shares.sum(axis=1) == pytest.approx(1.0)
+    sizes = table["condition"].value_counts().sort_index()
+    for text in ax.texts:
+        column, row = text.get_position()
+        assert shares[row, column] * sizes.iloc[row] == pytest.approx(int(text.get_text()))
 
 
 def test_sizes_show_every_estimate(table, ax):

@@ -199,6 +199,14 @@ def test_impacts_of_a_bearing_slip_a_little_about_their_order(bench):
     assert low <= np.sqrt(np.mean(sound**2)) / force.std() <= high
 
 
+def test_every_stage_hides_the_mesh_of_its_own_gears(two_stages):
+    hidden = [stage.mechanics for stage in two_stages.stages]
+    mesh_hz = [two_stages.speed_hz * mesh.order for mesh in kinematics(two_stages.machine).meshes]
+    assert [own.mesh_frequency_hz for own in hidden] == pytest.approx(mesh_hz, rel=1e-3)
+    for own, stage in zip(two_stages.stages, two_stages.machine.stages, strict=True):
+        assert [gear.teeth for gear in own.gears] == [stage.pinion_teeth, stage.gear_teeth]
+
+
 def test_tones_are_those_of_bearings_and_shafts_with_their_share(two_stages):
     seconds = np.arange(100_000) / makers.RATE_HZ
     turns = two_stages.speed_hz * seconds

@@ -220,6 +220,26 @@ def test_exponent_needs_sizes():
     assert fitted_exponent([{"unknowns": 10, "median_s": 1.0}]) is None
 
 
+def test_a_turn_errs_in_parts_of_what_its_fault_adds():
+    (member,) = fault_family(dynamics.MACHINE, ["crack"], ["20%"], ["pinion"], max_hz=5e3)
+    turn, whole = dynamics._Turn(member), member.lines.acceleration
+    added = whole.copy()
+    added[member.lines.period - 1 :: member.lines.period] -= member.sound.acceleration
+    vars(turn)["exact"] = whole
+    for share in (0.0, 0.1, 2.0):
+        assert turn.error(whole - share * added) == pytest.approx(share)
+
+
+def test_a_run_sweeps_as_many_sets_as_are_asked_for_by_its_seed(monkeypatch):
+    asked = []
+    for name in ("case_rows", "chart_rows", "family_rows", "growth_rows"):
+        monkeypatch.setattr(dynamics, name, lambda *_: [])
+    monkeypatch.setattr(dynamics, "sweep_rows", lambda *given: asked.append(given) or [])
+    assert dynamics.run_dynamics(seed=7, count=30) == []
+    assert dynamics.run_dynamics(quick=True, seed=8) == []
+    assert asked == [(30, 7, False), (200, 8, True)]
+
+
 def test_tasks_are_taken_in_turn():
     calls = []
     timings = interleaved([lambda: calls.append("a"), lambda: calls.append("b")], most=3)

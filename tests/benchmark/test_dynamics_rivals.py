@@ -143,3 +143,6 @@ def test_the_band_matrix_multiplies_by_the_stiffness(highest):
     known[-1 : -1 - len(harmonics) : -1] = harmonics.conj()
     places = np.arange(count)
     np.testing.assert_array_equal(dense, known[np.subtract.outer(places, places)])
+    # what LAPACK takes beside the lines themselves: as many again as lie to one side
+    filled = np.zeros((3 * width + 1, count), dtype=complex)
+    assert rivals.banded_bytes(len(harmonics), highest) == filled.nbytes

@@ -6,12 +6,19 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from reference.refined_balance import refined_balance
 
 from gearmon.benchmark import dynamics as stress
 from gearmon.benchmark import equations, run_case
-from gearmon.benchmark.dynamics import TRACE_TOLERANCE, draw_system, instability_limit
+from gearmon.benchmark.dynamics import (
+    OUTCOMES,
+    TRACE_TOLERANCE,
+    draw_system,
+    instability_limit,
+    stress_summary,
+)
 from gearmon.benchmark.equations import Lines, reference_and_doubt
 from gearmon.dynamics import HillProblem, floquet, steady_state
 from gearmon.errors import ArgumentError
@@ -112,6 +119,39 @@ def test_outcomes():
     assert verdict(unstable, rate=0.1) == ("refused", "unstable")
     assert verdict(unstable)[1] == "called unstable, but is stable"
     assert verdict(good, uncertainty=2e-7)[0] == "not judged"
+
+
+def test_a_summary_holds_what_its_rows_say_by_tolerance():
+    rng, tolerances = np.random.default_rng(2), (1e-3, 1e-6)
+    rows = [
+        {
+            "tolerance": tolerances[n % 2],
+            "outcome": str(rng.choice([name.replace("_", " ") for name in OUTCOMES])),
+            "reason": str(rng.choice(["unstable", "no bound"])),
+            "log_multiplier": rng.normal(),
+            "bound_over_error": rng.choice([None, 1 + rng.exponential()]),
+            "error": rng.exponential(),
+            "reference_uncertainty": rng.exponential(),
+            "run_time_s": rng.exponential(),
+        }
+        for n in range(200)
+    ]
+    told = pd.DataFrame(stress_summary(rows)).set_index("tolerance")
+    for tolerance, own in pd.DataFrame(rows).groupby("tolerance"):
+        found, stable = told.loc[tolerance], own[own["log_multiplier"] < 0]
+        refused, ratio = stable[stable["outcome"] == "refused"], own["bound_over_error"].dropna()
+        assert found["systems"] == len(own)
+        counted = own["outcome"].value_counts()
+        assert all(found[name.replace(" ", "_")] == count for name, count in counted.items())
+        assert found["refused_of_stable_percent"] == 100 * len(refused) / len(stable)
+        for reason, count in refused["reason"].value_counts().items():
+            assert f"{reason}: {count}" in found["reasons"]
+        names = ["least_bound_over_error", "median_bound_over_error", "p95_bound_over_error"]
+        shares = ratio.astype(float).quantile([0.0, 0.5, 0.95])
+        assert found[names].tolist() == pytest.approx(shares.tolist())
+        assert found["largest_error_met"] == own.loc[own["outcome"] == "met", "error"].max()
+        assert found["worst_uncertainty"] == own["reference_uncertainty"].max()
+        assert found["median_run_time_s"] == pytest.approx(own["run_time_s"].median())
 
 
 def test_crash_and_refusal_are_told_apart(monkeypatch):

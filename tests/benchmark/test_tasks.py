@@ -13,6 +13,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from reference.small_gearbox import MACHINE_FILE
 
@@ -222,6 +223,27 @@ def test_memory_of_a_long_recording(monkeypatch):
     assert row["peak_mib"] > 20  # no Python process with NumPy is smaller
     assert row["ratio"] == pytest.approx(row["peak_mib"] / row["numbers_mib"])
     assert seen == [1.0]
+
+
+def test_the_memory_of_a_recording_is_told_in_that_of_the_numbers_of_its_file(monkeypatch):
+    """What takes eight bytes a number takes once the numbers, whatever the channels."""
+
+    def held(command):
+        table = np.loadtxt(command[4], delimiter=",", skiprows=1, ndmin=2)
+        return 8.0 * table.size, 1.0
+
+    monkeypatch.setattr(tasks, "simulate", shortly)
+    monkeypatch.setattr(tasks, "example_machine", lambda: MACHINE_FILE)
+    monkeypatch.setattr(tasks, "_peak_memory", held)
+    rows = tasks.memory_of_long_recording(30_000, (1, 2))
+    assert [row["ratio"] for row in rows] == [1.0, 1.0]
+    assert [row["numbers_mib"] for row in rows] == [row["peak_mib"] for row in rows]
+    assert rows[1]["numbers_mib"] == 2 * rows[0]["numbers_mib"]
+
+
+def test_finer_samples_of_a_stiffness_hold_the_coarser_ones():
+    coarse, fine = (tasks._sample(tasks.STAGE, points) for points in (10, 20))
+    np.testing.assert_allclose(fine[::2], coarse, rtol=1e-12)
 
 
 def test_peak_memory_counts_what_a_process_takes():

@@ -59,8 +59,9 @@ def test_a_webhook_is_tried_again(tmp_path):
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         url = f"http://127.0.0.1:{server.server_port}/"
-        fleet = worn(tmp_path, f'[[alarm]]\nwebhook = "{url}"')
+        # a test that fails must not leave a server that keeps the tests from ending
         try:
+            fleet = worn(tmp_path, f'[[alarm]]\nwebhook = "{url}"')
             assert deliver(fleet) == []
         finally:
             server.shutdown()

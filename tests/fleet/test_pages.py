@@ -169,6 +169,16 @@ def test_tables_hold_what_arrived(address):
             assert told[key] == row[heading].lstrip("!✓– ")
 
 
+def test_a_table_has_every_indicator_that_any_of_its_recordings_has(tmp_path):
+    fleet = made_fleet(tmp_path, ("a",))
+    for day, text in enumerate(("bad", "0.25", "bad")):
+        arrive(tmp_path, "a_{}.txt", text, days=day)
+    run_fleet(fleet, at_once)
+    with served(fleet) as own:
+        told = csv.DictReader(io.StringIO(Answer(own, "/table.csv?machine=a").text))
+        assert [row["rms, a1"] for row in told] == ["", "1.25", ""]
+
+
 def test_the_course_of_the_score_fills_its_box_from_the_left_to_the_right(address):
     """Zero lies at the foot, 19 of 20 high; the top, at 1, is a score of 8."""
     drawn = re.findall(r'viewBox="0 0 90 20".*?points="([^"]+)"', Answer(address, "/").text)
@@ -310,6 +320,19 @@ def test_on_other_addresses_than_those_of_this_computer_a_token_is_asked_for(
     assert f"http://{host}:8123/{query} " in capsys.readouterr().out
     known = ("127.0.0.1", "localhost", "::1") if own else ("*",)
     assert tuple(asked["app"]["hosts"]) == known
+
+
+def test_what_cannot_be_shown_is_said_in_plain_letters(address, monkeypatch):
+    from gearmon.fleet import pages
+
+    def refused(*_):
+        raise ArgumentError("a\x1b[2Jb: no such file")
+
+    monkeypatch.setattr(pages._Site, "_named", refused)
+    answer = Answer(address, "/machine?name=a")
+    assert answer.status == 404
+    assert answer.text.rstrip("\n").isprintable()
+    assert answer.text.endswith("b: no such file\n")
 
 
 @pytest.mark.parametrize(

@@ -32,9 +32,10 @@ from gearmon.errors import ArgumentError, GearmonError, MachineFileError, Signat
 from gearmon.fleet import alarms, read_fleet, run_fleet, watch_fleet
 from gearmon.fleet import run as running
 from gearmon.fleet.ledger import compare, rank, write_results
-from gearmon.fleet.plan import FleetMachine, Hook, arrived
+from gearmon.fleet.plan import FleetMachine, Hook, arrived, is_remote
 from gearmon.fleet.run import analysed
 from gearmon.signals.recording import Recording
+from gearmon.signals.threads import THREADS, cores
 
 
 def test_progress_rises_from_the_first_recording_to_all_of_them(tmp_path):
@@ -301,6 +302,12 @@ def test_a_folder_that_cannot_be_reached_is_said(tmp_path):
         run_fleet(read_fleet(tmp_path / "fleet.toml"), at_once)
 
 
+@pytest.mark.parametrize("place", ["inbox", "a:b/inbox", r"C:\recordings", "/var//log:1"])
+def test_only_what_names_a_scheme_is_elsewhere(place):
+    assert not is_remote(place)
+    assert is_remote(f"s3://{place}")
+
+
 def test_a_link_in_a_circle_is_said_with_the_recordings_that_cannot_be_used(tmp_path):
     fleet = made_fleet(tmp_path)
     (tmp_path / "inbox" / "a_2026-03-01.txt").symlink_to("a_2026-03-01.txt")
@@ -366,6 +373,11 @@ def test_a_look_is_told_of_if_it_did_anything_be_it_in_vain(tmp_path, monkeypatc
         [] if text is None else [(1, 0)] if text == "0.1" else [(0, 1)]
     )
     assert waited == [7.0, 7.0]
+
+
+def test_a_worker_of_a_cluster_keeps_to_one_core(monkeypatch):
+    monkeypatch.setenv(THREADS, "3")
+    assert running._batch([None, None], lambda _: cores()) == [1, 1]
 
 
 def test_two_runners_do_not_share_a_fleet(tmp_path):

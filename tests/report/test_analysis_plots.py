@@ -17,6 +17,7 @@ from gearmon.report.analysis_plots import (
     turn_figure,
 )
 from gearmon.report.curves import flagged_place, mark_label, mesh_marks, profile_of
+from gearmon.report.plots import as_png
 from gearmon.report.spectrum_plots import (
     amplitude_figure,
     close_up_figure,
@@ -160,9 +161,10 @@ def test_without_a_mesh_the_close_up_shows_as_much_below_as_above_where_it_was_l
     assert mark.place - drawn[0] == pytest.approx(drawn[-1] - mark.place, rel=0.02)
 
 
-def test_the_close_up_shows_the_harmonic_whose_sidebands_changed(faulty):
+@pytest.mark.parametrize("change_db", [40, -40])
+def test_the_close_up_shows_the_harmonic_whose_sidebands_changed(faulty, change_db):
     changes = [
-        replace(change, level_db=change.reference_db + (40 if change.harmonic == 3 else 0))
+        replace(change, level_db=change.reference_db + change_db * (change.harmonic == 3))
         for change in faulty.analysis.changes
     ]
     assert close_up_harmonic(replace(faulty.analysis, changes=tuple(changes)), 1) == 3
@@ -178,6 +180,11 @@ def test_a_close_up_shows_as_much_below_its_harmonic_as_above(faulty, harmonic):
     shown = replace(faulty.analysis, changes=tuple(changes))
     figure = close_up_figure(shown, faulty.recording, mesh)
     assert figure.heading.endswith(f"harmonic {harmonic}")
+    assert "because its sidebands changed most" in figure.caption
+    others = tuple(change for change in changes if change.kind != "sidebands")
+    assert others
+    alone = close_up_figure(replace(shown, changes=others), faulty.recording, mesh)
+    assert "because it is the strongest" in alone.caption
     for ax in figure.axes:
         drawn, place = curve(ax).get_xdata(), harmonic * mesh.frequency_hz
         assert place - drawn[0] == pytest.approx(drawn[-1] - place, rel=0.01)
@@ -367,3 +374,29 @@ def test_the_tooth_that_is_named_without_a_flag_is_the_highest_bar(healthy):
     highest = max(ax.patches, key=lambda bar: bar.get_height())
     number = round(highest.get_x() + 0.5 * highest.get_width())
     assert said == f"tooth {number}: {highest.get_height():.1f} × elsewhere (highest, not flagged)"
+
+
+@pytest.mark.parametrize("place", [0.0, 0.5, 0.62, 1.0])
+def test_words_at_the_highest_tooth_stand_within_the_picture(healthy, place):
+    gear = pinion(healthy)
+    energy = np.ones(gear.teeth)
+    energy[round(place * (gear.teeth - 1))] = 30.0
+    profiles = [
+        replace(own, energy=energy) if own.gear == gear.gear else own
+        for own in healthy.analysis.profiles
+    ]
+    figure = turn_figure(replace(healthy.analysis, profiles=tuple(profiles)), gear)
+    as_png(figure)
+    (words,) = figure.axes[-1].texts
+    box, room = words.get_window_extent(), figure.axes[-1].get_window_extent()
+    assert room.x0 <= box.x0 < box.x1 <= room.x1
+
+
+def test_what_is_called_without_mesh_harmonics_has_none_and_the_average_has(faulty):
+    gear = pinion(faulty)
+    for ax in turn_figure(faulty.analysis, gear).axes[:-1]:
+        drawn = (
+            named(ax)[own] for own in ("synchronous average", "the same without mesh harmonics")
+        )
+        whole, rest = (np.abs(np.fft.rfft(own.get_ydata()))[gear.teeth] for own in drawn)
+        assert rest < 1e-6 * whole

@@ -11,6 +11,7 @@ import pytest
 from matplotlib.container import ErrorbarContainer
 from PIL import Image
 from reference.drawn_extent import badly_filled
+from reference.told_numbers import disordered
 
 from gearmon.harvesting import tuning
 from gearmon.harvesting.harvester import InertialHarvester
@@ -147,6 +148,8 @@ def test_words_name_places_harvester_and_what_is_missing(survey):
     assert "best at channel 2" in text
     assert "of the power comes from lines" in text
     assert "recording" in text
+    assert any(np.isfinite(place.power_low_w) for place in survey.placed)
+    assert disordered(text) == []
 
 
 def column(lines, heading):
@@ -170,6 +173,32 @@ def test_numbers_in_words_are_in_the_units_of_their_headings(survey):
     energy = column(lines, "energy_uj_per_kg")
     expected = [1e6 * row["energy_j_per_kg"] for row in ranked[: len(energy)]]
     assert energy == pytest.approx(expected, rel=5e-3)
+
+
+def test_a_place_is_told_by_its_own_numbers_in_the_order_of_their_headings(survey):
+    lines = harvest_lines(survey)
+    head = next(line for line in lines if line.startswith("position"))
+    names = "tuned_to_hz power_uw interval_90_uw damaged_uw best_damaged_hz best_damaged_uw"
+    assert head.split()[1:7] == names.split()
+    known = [place for place in survey.placed if np.isfinite(place.power_low_w)]
+    assert len(known) >= 2
+    for place in known:
+        own, name = place.to_dict(), place.position.name
+        micro = [1e6 * own[key] for key in ("power_w", "power_low_w", "power_high_w")]
+        expected = [own["natural_frequency_hz"], *micro, 1e6 * own["degraded_power_w"]]
+        expected += [own["degraded_best_hz"], 1e6 * own["degraded_best_power_w"]]
+        told = next(line for line in lines if line.startswith(name)).removeprefix(name)
+        found = [float(number) for number in told.replace(" to ", " ").split()[:7]]
+        assert found == pytest.approx(expected, rel=5e-3)
+
+
+def test_what_was_not_checked_in_its_source_is_marked_and_nothing_else(survey):
+    lines = harvest_lines(survey, published=True)
+    marks = {row["checked"]: set() for row in survey.published()}
+    for row in survey.published():
+        told = next(line for line in lines if line.startswith(row["name"]))
+        marks[row["checked"]].add("(unverified)" in told)
+    assert marks == {"abstract": {False}, "no": {True}}
 
 
 def test_lines_are_told_by_what_they_bring_over_the_time(survey, monkeypatch):

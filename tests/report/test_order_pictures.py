@@ -13,12 +13,13 @@ from reference.drawn_extent import badly_filled
 from reference.small_gearbox import machine, recording
 
 from gearmon.report.curves import mark_label
+from gearmon.report.plots import sheet
 from gearmon.report.recording_plots import (
     average_figure,
     indicator_figure,
     order_map_figure,
 )
-from gearmon.report.spectrum_plots import line_marks, order_figure
+from gearmon.report.spectrum_plots import label_marks, line_marks, order_figure
 from gearmon.report.text import words
 from gearmon.signals.orders import order_map
 from gearmon.signatures.gear_averages import gear_averages
@@ -46,6 +47,31 @@ def texts(figure):
 def labels(figure):
     assert badly_filled(figure) == []
     return [ax.get_xlabel() for ax in figure.axes] + [ax.get_ylabel() for ax in figure.axes]
+
+
+def test_a_mean_and_what_leaks_from_it_through_the_window_are_no_lines(spectra):
+    """The main lobe of Hann's window reaches two bins to either side."""
+    found = spectra["time"]
+    values = found.values.copy()
+    values[:, :2] = 1e6
+    for ax in order_figure(replace(found, values=values)).axes:
+        assert max(np.max(line.get_ydata()) for line in ax.lines) < 1e6
+
+
+def test_names_above_the_axes_stand_apart_and_point_at_their_places():
+    ax, rng = sheet(6.0, 3.0).add_subplot(), np.random.default_rng(5)
+    places = np.sort(np.append(rng.uniform(100.0, 500.0, 12), [101.0, 101.5]))
+    marks = [
+        Mark(place=own, name=f"mesh 1 ×{n}", kind="mesh", number=1)
+        for n, own in enumerate(places, 1)
+    ]
+    ax.set_xlim(100.0, 500.0)
+    label_marks(marks, ax)
+    foot, text = np.array([(own.xy[0], own.xyann[0]) for own in ax.texts]).T
+    assert foot == pytest.approx((places - 100.0) / 400.0)
+    assert [own.get_text() for own in ax.texts] == [mark_label(mark) for mark in marks]
+    assert np.diff(text).min() > 0.5 * np.diff(text).max() / 12 > np.diff(foot).min()
+    assert 0.0 <= text[0] < text[-1] <= 1.0
 
 
 def test_map_keeps_every_line_and_is_calibrated(spectra):

@@ -9,9 +9,10 @@ from matplotlib.patches import Circle
 
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.pairs import mesh_pairs
+from gearmon.gears.tooth_damage import tooth_damage
 from gearmon.gears.tooth_pairs import teeth_of
-from gearmon.machine import ParallelStage
-from gearmon.report.teeth_plots import half_profile, plot_flank, plot_teeth, teeth_picture
+from gearmon.machine import ParallelStage, PlanetaryStage
+from gearmon.report.teeth_plots import POINTS, half_profile, plot_flank, plot_teeth, teeth_picture
 
 STAGE = ParallelStage(
     pinion_teeth=26,
@@ -21,6 +22,10 @@ STAGE = ParallelStage(
     bore_diameter_pinion_mm=20.8,
     bore_diameter_gear_mm=42.4,
 )
+PLANETARY = PlanetaryStage(
+    sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=4, module_mm=2.0, face_width_mm=20.0
+)
+BOTH_PAIRS = pytest.mark.parametrize("pair", [mesh_pairs(STAGE)[0], mesh_pairs(PLANETARY)[1]])
 
 
 def test_teeth_touch_and_do_not_overlap():
@@ -38,9 +43,18 @@ def test_teeth_touch_and_do_not_overlap():
         assert beyond.max() == pytest.approx(1e3 * pair.second.tip_radius_m, rel=1e-3)
 
 
-def test_teeth_and_spaces_of_the_picture_are_equally_wide_on_the_reference_circle():
-    pair = teeth_of(mesh_pairs(STAGE)[0])
-    for gear, tooth, centre in zip(teeth_picture(pair).gears, pair.teeth, (0.0, 79.0), strict=True):
+@BOTH_PAIRS
+def test_the_contact_moves_evenly_along_a_line_and_is_drawn_in_its_middle_by_default(pair):
+    pair = teeth_of(pair)
+    first, last = (teeth_picture(pair, phase=own).contact for own in (0.0, pair.contact_ratio))
+    assert teeth_picture(pair).contact == pytest.approx((first + last) / 2)
+
+
+@BOTH_PAIRS
+def test_teeth_and_spaces_of_the_picture_are_equally_wide_on_the_reference_circle(pair):
+    pair = teeth_of(pair)
+    centres = 0.0, 1e3 * pair.centres_m[0]
+    for gear, tooth, centre in zip(teeth_picture(pair).gears, pair.teeth, centres, strict=True):
         points = gear.outline @ [1, 1j] - 1j * centre
         radius, angle = np.abs(points), np.unwrap(np.angle(points))
         over = radius - 1e3 * tooth.reference_radius_m
@@ -92,10 +106,13 @@ def test_crack_is_drawn_to_scale():
 def test_a_broken_tip_is_drawn_down_from_the_tip():
     pair = teeth_of(mesh_pairs(STAGE)[0])
     for height in (0.5, 1.5):
-        fault = parse_fault(f"breakage:1:pinion:5:6mm,height={height}")
+        fault = parse_fault(f"breakage:1:pinion:5:6mm,height={height},from=3")
         gear = teeth_picture(pair, [fault]).gears[0]
         (gone,) = gear.damage
         assert (gone.low, gone.high) == pytest.approx((gear.tip - height, gear.tip))
+        assert (gone.face_start, gone.face_width) == pytest.approx((3.0, 6.0))
+    (gone,) = teeth_picture(pair, [parse_fault("missing:1:pinion:5")]).gears[0].damage
+    assert (gone.face_start, gone.face_width, gone.low) == pytest.approx((0.0, 20.0, 0.0))
 
 
 def test_spall_is_drawn_to_scale():
@@ -110,6 +127,18 @@ def test_spall_is_drawn_to_scale():
     around = picture.gears[1].outline @ [1, 1j] - floor
     turns = np.angle(np.roll(around, -1) / around).sum() / (2 * np.pi)
     assert abs(turns) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("fault", ["spall:1:gear:5:6x0.8x0.2mm", "pitting:1:gear:5:20%flank"])
+def test_a_spall_is_cut_as_a_rectangle_and_a_pit_as_half_an_ellipse(fault):
+    """By their areas; the curve of the flank takes little of them."""
+    gear = teeth_picture(teeth_of(mesh_pairs(STAGE)[0]), [parse_fault(fault)]).gears[1]
+    hole, drawn = tooth_damage(gear.faults, gear.tooth).holes[0], gear.damage[0]
+    x, y = drawn.section.T
+    area = abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)) / 2
+    long = np.hypot(*np.diff(drawn.section[:POINTS], axis=0).T).sum()
+    box = 1e3 * hole.depth_m * long
+    assert area == pytest.approx(box * np.pi / 4 if hole.round else box, rel=0.03)
 
 
 @pytest.mark.parametrize("percent", [10, 40])

@@ -1,19 +1,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from reference.told_numbers import disordered, numbers, untold, with_units
 
 from gearmon.diagnosis.history.changes import ChangePoint, Growth
+from gearmon.diagnosis.history.trends import NEVER_S
 from gearmon.gears.kinematics import line_table
 from gearmon.report.analysis_plots import analysis_figures
 from gearmon.report.text import (
     analysis_text,
     change_text,
     line_table_text,
+    moment_text,
     reference_text,
+    strongest_changes,
 )
 
 
@@ -45,6 +51,14 @@ def test_the_strongest_changes_are_listed_where_no_flag_tells(faulty):
     told = f"{strongest.channel}: {strongest.family} {change:+.1f} dB (scatter {scatter:.1f} dB)"
     assert told in text
     assert text.count("(scatter ") == 1
+
+
+def test_what_falls_is_as_strong_as_what_rises_by_as_much(faulty):
+    changes = faulty.analysis.changes
+    fallen = [replace(own, level_db=2 * own.reference_db - own.level_db) for own in changes]
+    both = [strongest_changes(replace(faulty.analysis, changes=own)) for own in (changes, fallen)]
+    for rise, fall in zip(*both, strict=True):
+        assert (rise.family, rise.channel) == (fall.family, fall.channel)
 
 
 def test_a_name_cannot_steer_the_terminal(healthy):
@@ -199,3 +213,14 @@ def test_intervals_in_words_are_told_in_order():
         "5 m (6 to 7",
     ]
     assert dict(numbers({"a": {"b_hz": [1, True, float("nan")]}})) == {("a", "b_hz"): 1.0}
+
+
+@given(st.floats() | st.floats(0.0, NEVER_S, exclude_max=True))
+def test_any_time_has_a_text_that_is_right_to_the_minute(time_s):
+    text = moment_text(time_s)
+    if 0.0 <= time_s < NEVER_S:
+        told = datetime.strptime(text, "%Y-%m-%d %H:%M").replace(tzinfo=UTC)
+        assert -1e-3 <= time_s - told.timestamp() < 60.001
+        assert moment_text(time_s, fine=False) == text.split()[0]
+    elif not abs(time_s) < NEVER_S:
+        assert text == "beyond the calendar"

@@ -105,6 +105,9 @@ def test_a_machine_that_is_run_up_through_its_nominal_speed_is_not_far_from_it(h
 def test_of_several_the_worst_comes_first(faulty, healthy, alone, gearless):
     analyses = [case.analysis for case in (healthy, gearless, faulty, alone)]
     assert worst_first(analyses) == [2, 3, 1, 0]
+    # of equals the one with the highest score
+    alike = [replace(faulty.analysis, score=score) for score in (3.0, 9.0, 5.0)]
+    assert worst_first([healthy.analysis, *alike]) == [2, 3, 1, 0]
     assert overall(analyses, 1) == (
         "fault",
         "5 recordings: 1 fault, 1 cannot tell, 1 no mesh found, 1 healthy, 1 not analysed",
@@ -113,6 +116,11 @@ def test_of_several_the_worst_comes_first(faulty, healthy, alone, gearless):
     assert lines[0].startswith("FAULT (4 recordings: 1 fault")
     assert lines[1].split()[:2] == ["made-7.csv", "FAULT"]
     assert lines[4].split()[:2] == ["made-8.csv", "HEALTHY"]
+    # what was found stands under one another, however long the names
+    short = replace(healthy.analysis, recording="a")
+    _, *rows, _ = overview_lines([short, faulty.analysis])
+    places = {line.index(word) for line, word in zip(rows, ("FAULT", "HEALTHY"), strict=True)}
+    assert len(places) == 1
 
 
 def test_the_page_opens_with_the_worst_and_folds_the_evidence(tmp_path, healthy, faulty):

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import math
 
 import pytest
@@ -7,6 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gearmon.report.wording import (
+    as_data,
     gear_text,
     loss_text,
     percent,
@@ -83,3 +85,10 @@ def test_small_signs():
     assert percent(-0.0105, signed=True) == "−1.05 %"
     assert printable("a\x1b[31m\n") == "a�[31m�"
     assert len(shortened("x" * 80, 16)) == 16
+
+
+@given(st.dictionaries(st.text(), st.text() | st.just("</script><!--")))
+def test_no_name_ends_the_element_that_holds_the_charts(charts):
+    text = as_data(charts)
+    assert "<" not in text
+    assert json.loads(text) == charts

@@ -5,6 +5,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from reference.hill_reference import harmonic_balance
 from reference.simulated_machines import planetary
@@ -260,6 +261,25 @@ def test_gears_of_both_meshes_of_a_set_are_wrong_at_once():
     sound = expected_signature(machine(stage), [], 1e-2, max_hz=2000.0)
     assert set(worn["sideband_of"]) == set(sound["sideband_of"]) == {""}
     assert not np.allclose(worn["acceleration_ms2"], sound["acceleration_ms2"], rtol=1e-3)
+
+
+def test_lines_of_teeth_of_all_gears_of_a_set_that_stand_out_add_up():
+    """What moves the flanks is a force on a linear system."""
+    stage = PlanetaryStage(
+        sun_teeth=18, planet_teeth=27, ring_teeth=72, planets=3, module_mm=4.0, face_width_mm=50.0
+    )
+    errors = [f"pitch:1:{gear}:2:5um" for gear in ("sun", "planet", "ring")]
+    lines = []
+    for given in ([], *([own] for own in errors), errors):
+        found = expected_signature(machine(stage), given, max_hz=2000.0)
+        # what is of several gears together would be "?"
+        assert set(found["sideband_of"]) <= {"", "carrier", *(own.split(":")[2] for own in given)}
+        moved = found["acceleration_ms2"] * np.exp(1j * found["phase_rad"])
+        lines.append(pd.Series(moved, index=np.round(found["order"], 9)))
+    none, *single, together = (own.reindex(lines[-1].index, fill_value=0.0) for own in lines)
+    alone = sum(own - none for own in single)
+    assert all(abs(own - none).max() > 0 for own in single)
+    assert abs(together - none - alone).max() < 1e-4 * abs(alone).max()
 
 
 def test_plain_expansion_to_second_order_reports_its_error():

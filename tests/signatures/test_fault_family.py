@@ -92,6 +92,7 @@ def test_member_is_the_full_solve(machine, kind, stage, gear, size, tooth):
     told = full.header["stages"][stage - 1]
     bound = 2 * (told["error_bound"] or told["error_estimate"])
     assert whole < bound
+    assert member.lines.mean_m == pytest.approx(told["mean_deflection_m"], rel=bound)
     # the bound is relative to all lines
     levels = family.rows()[0]
     if levels["sidebands_ms2"]:
@@ -109,7 +110,9 @@ def test_healthy_is_the_expected_signature():
     family = fault_family(COMBINE, kinds=["wear"], sizes=["5%"])
     full = expected_signature(COMBINE, operating=1)
     for stage in (1, 2):
-        assert max(distances(family.healthy[1, stage, 0].columns(), full, stage)) < 1e-6
+        healthy, told = family.healthy[1, stage, 0], full.header["stages"][stage - 1]
+        assert max(distances(healthy.columns(), full, stage)) < 1e-6
+        assert healthy.mean_m == pytest.approx(told["mean_deflection_m"], rel=1e-6)
 
 
 def test_wear_is_a_softer_mesh():
@@ -471,3 +474,13 @@ def test_what_a_fault_changes_goes_to_none_in_proportion_to_its_loss():
     # a softer pair lets the teeth give way
     assert (means[2] - means[1]) / (means[1] - means[0]) == pytest.approx(2.0, rel=0.02)
     assert means[1] > means[0] > 0
+
+
+def test_millimetres_are_depths_of_damage_and_no_errors():
+    known = {"kinds": ["crack", "pitch"], "gears": ["pinion"], "max_hz": 2e3}
+    sized = {
+        (member.kind, member.size) for member in fault_family(PAIR, sizes=["1mm", "20um"], **known)
+    }
+    assert sized == {("crack", "1mm"), ("pitch", "20um")}
+    with pytest.raises(ArgumentError, match="no size fits kind 'pitch'"):
+        fault_family(PAIR, sizes=["1mm"], **known)

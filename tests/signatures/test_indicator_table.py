@@ -75,6 +75,14 @@ def test_without_a_machine_there_is_the_raw_vibration():
     )
 
 
+def test_channels_of_one_name_have_a_row_each():
+    samples = white((2, 4000)) * [[1.0], [3.0]]
+    both = Recording(samples=samples, sampling_rate_hz=1000.0, channel_names=("a", "a"))
+    rows = [row for row in indicator_table(both).rows if row.indicator == "RMS"]
+    assert [row.channel for row in rows] == ["a", "a"]
+    assert [row.value for row in rows] == pytest.approx([1.0, 3.0], rel=0.1)
+
+
 def test_scale_moves_sizes_only(healthy):
     known = recording()
     samples = known.samples.copy()

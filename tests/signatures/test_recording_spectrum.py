@@ -106,6 +106,9 @@ def test_orders_of_any_shaft():
     assert second.place[-1] / first.place[-1] == pytest.approx(57 / 23, rel=0.01)
     # the map has shorter blocks: the mesh line, clear of others, reads the same in it
     assert first.map.resolution > first.resolution
+    told = first.to_dict()
+    assert told["resolution_orders"] == first.resolution
+    assert told["map"]["resolution_orders"] == first.map.resolution
     ours, seen = first.map.order, np.sqrt(np.mean(first.map.amplitude**2, axis=0))
     for row in range(2):
         line = first.values[row, np.abs(first.place - 23) < 0.1].max()

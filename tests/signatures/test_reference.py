@@ -502,3 +502,10 @@ def test_a_reference_whose_recordings_lack_a_part_is_refused_by_its_name(tmp_pat
         write_reference(wrong, path)
         with pytest.raises(SignatureError, match=f"its {name} cannot be"):
             read_reference(path)
+
+
+@pytest.mark.parametrize("other", [{"stage": 2}, {"gear": "sun"}, {"teeth": 24}])
+def test_the_same_gear_has_the_stage_the_name_and_the_teeth(other):
+    own = reference().profiles[0].wheels[0]
+    assert own.same_in([replace(own, **other), own]) is own
+    assert own.same_in([replace(own, **other)]) is None

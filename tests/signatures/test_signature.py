@@ -11,6 +11,8 @@ from gearmon.errors import ArgumentError, SignatureError
 from gearmon.signatures.signature import (
     COLUMNS,
     Signature,
+    _plain,
+    _restored,
     read_signature,
     write_signature,
 )
@@ -218,3 +220,9 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     with pytest.raises(ArgumentError, match="disk full"):
         write_signature(signature(3), path)
     assert path.read_bytes() == before
+
+
+def test_numbers_that_json_lacks_come_back():
+    told = {"a": [math.inf, {"b": -math.inf}], "c": 1.5, "d": "told"}
+    assert _restored(_plain(told)) == told
+    assert math.isnan(_restored(_plain({"e": math.nan}))["e"])

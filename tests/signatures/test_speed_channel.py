@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Sensor
 from gearmon.signals.recording import Recording, read_recording
-from gearmon.signatures.speed_channels import _courses_told, track_recording
+from gearmon.signatures.speed_channels import _courses_told, _is_pulsed, track_recording
 from gearmon.units import speed_factor
 
 CYCLE = (0.45, 0.45, 1.0, 1.05, 0.6, 0.9, 0.9)
@@ -248,3 +248,9 @@ def test_a_speed_that_is_held_is_that_of_the_middle_of_its_time():
     expected = np.interp(course.time_s, time, true)
     np.testing.assert_allclose(course.speed_hz[inner], expected[inner], rtol=2e-3)
     assert abs(np.mean(course.speed_hz[inner] - expected[inner])) < 0.01
+
+
+@pytest.mark.parametrize("value", [0.0, 25.0, -3.0])
+def test_a_channel_that_stands_still_holds_no_pulses_and_one_of_two_levels_does(value):
+    assert not _is_pulsed(np.full(1000, value))
+    assert _is_pulsed(value + (np.arange(1000) % 10 < 2))

@@ -6,6 +6,7 @@ Time stamps are judged by how they follow each other, rounded as they are printe
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -135,10 +136,13 @@ def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
     others = [f"{column.label} ({column.kind})" for column in taken if column.kind != "vibration"]
     aside = f"not taken as vibration: {', '.join(others)}" if others else ""
     notes = [*table.notes, *hints, rate_note, *notes, aside, *left_out]
+    # those of one name are told apart by their columns: results go by the names of channels
+    known = Counter(column.name for column in columns)
+    names = (own.name if known[own.name] == 1 else f"{own.name} ({own.number})" for own in taken)
     return {
         "samples": samples,
         "sampling_rate_hz": rate_hz,
-        "channel_names": tuple(column.name for column in taken),
+        "channel_names": tuple(names),
         "channel_kinds": tuple(column.kind for column in taken),
         "units": tuple(units),
         "columns": tuple(column.number for column in taken),

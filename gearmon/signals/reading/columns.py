@@ -221,7 +221,8 @@ def find_columns(origin: str, key: str | int, columns: Sequence[Column]) -> list
     whole = [k for k, own in enumerate(columns) if own.array and own.array == key]
     if whole:
         return whole
-    names = [(own.name, own.cell or own.name) for own in columns]
+    # also as messages list them, and channels of one name are called
+    names = [(own.name, own.cell or own.name, f"{own.name} ({own.number})") for own in columns]
     numbers = [own.number for own in columns]
     if isinstance(key, str):
         for spelling in (str.strip, str.lower):
@@ -238,7 +239,7 @@ def find_columns(origin: str, key: str | int, columns: Sequence[Column]) -> list
         return [numbers.index(int(text))]
     shown = [f"{shortened(own.name)} ({own.number})" for own in columns]
     listed = ", ".join(shown[:20]) + (", ..." if len(shown) > 20 else "")
-    near = nearest_name(text, [name for own in names for name in own])
+    near = nearest_name(text, [name for own in names for name in own[:2]])
     meant = f"did you mean {shortened(near)}? " if near else ""
     raise RecordingError(
         f"{origin}: no channel '{shortened(text)}'; {meant}channels (and columns): {listed}"

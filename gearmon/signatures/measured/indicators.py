@@ -400,9 +400,9 @@ def indicator_table(
     machine = None if machine is None else load_machine(machine)
     recording = opened(recording, machine, sampling_rate_hz, unit)
     vibration = recording.vibration()
-    raw = waveform_indicators(vibration.samples, vibration.channel_names)
-    raw = {"RMS": raw.pop("rms")} | raw
-    rows = _rows(vibration, {name: [*values.values()] for name, values in raw.items()})
+    raw = [indicators.describe_waveform(channel) for channel in vibration.samples]
+    told = {name: [own[name] for own in raw] for name in raw[0]}
+    rows = _rows(vibration, {"RMS": told.pop("rms")} | told)
     notes, run = list(recording.notes), history
     signature = None if machine is None else measure_signature(recording, machine)
     if signature is not None:

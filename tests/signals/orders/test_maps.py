@@ -44,6 +44,11 @@ def test_time_and_speed_of_the_rows():
     assert np.all(np.diff(found.time_s) > 0)
     np.testing.assert_allclose(found.low[1:], found.high[:-1], rtol=1e-9)
     assert np.all(found.blocks == 1)
+    for most in (200, 7):
+        found = order_map(LOCKED, RATE, TRACK, top=30.0, rows=most)
+        assert len(found.low) <= most
+        lasting = (found.high - found.low) / found.blocks
+        np.testing.assert_allclose(lasting, lasting[0], rtol=1e-9)
 
 
 def test_rows_of_speed_are_equal_and_hold_their_blocks():

@@ -97,6 +97,14 @@ def test_constant_stays_constant_to_the_ends():
         np.testing.assert_allclose(found.values, 9.81, rtol=1e-9)
 
 
+@pytest.mark.parametrize("rounding", [-1e-12, 0.0, 1e-12])
+@pytest.mark.parametrize("first", [0, 3])
+def test_turns_that_begin_or_end_with_the_recording_are_whole_but_for_rounding(first, rounding):
+    track = track_of(lambda time_s: first + rounding + time_s, 8.0, 2)
+    found = angular_waveform(white((1, 801), seed=1), 100.0, track, 20)
+    assert (found.first_turn, found.turns) == (first, 8)
+
+
 @given(st.floats(-1e3, 1e3), st.integers(0, 1000), st.sampled_from([None, 40]))
 def test_linear_and_channels_stay_apart(factor, seed, steps):
     track = constant_track(20.0, 2.0)

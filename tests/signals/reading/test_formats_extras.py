@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import signal
 import sys
 from decimal import Decimal
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from gearmon.errors import RecordingError
+from gearmon.signals.reading.formats import _function
 from gearmon.signals.recording import read_recording
 
 RNG = np.random.default_rng(6)
@@ -221,6 +223,20 @@ class TestTdms:
             channels = [nptdms.ChannelObject("g", "a", X[0], wave)]
             writer.write_segment([*channels, nptdms.ChannelObject("g", "b\n", X[1][:0], wave)])
         assert "b? holds no numbers: left out" in read_recording(path).notes
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"abscissa_spacing": 0}, "function 3 is not evenly spaced, or by 0.1 s"),
+        ({"abscissa_inc": 0.0}, "function 3 is not evenly spaced, or by 0 s"),
+        ({"num_pts": 5}, "function 3: 4 samples where 5 are announced"),
+    ],
+)
+def test_a_function_whose_samples_are_uneven_or_too_few_is_refused(wrong, said):
+    known = {"data": np.zeros(4), "abscissa_inc": 0.1, "num_pts": 4, "abscissa_spacing": 1}
+    with pytest.raises(ValueError, match=re.escape(said)):
+        _function(3, known | wrong, [])
 
 
 class TestUniversalFile:

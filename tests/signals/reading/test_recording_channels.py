@@ -17,6 +17,8 @@ from gearmon.signals.reading.columns import (
     shortened,
 )
 from gearmon.signals.recording import read_recording
+from gearmon.signatures.measured.indicators import indicator_table
+from gearmon.signatures.recording_spectrum import recording_spectrum
 from gearmon.units import acceleration_factor, time_factor
 
 GRAVITY = 9.80665
@@ -140,6 +142,22 @@ def test_unknown_channels_are_refused_with_what_there_is(write, key, message):
     path = write("t,a,b", {0: np.arange(500) / 1000})
     with pytest.raises(RecordingError, match=message):
         read_recording(path, channels=key)
+
+
+def test_channels_of_one_name_are_told_apart_by_their_columns_in_every_result(tmp_path):
+    path = tmp_path / "same.csv"
+    samples = np.random.default_rng(1).normal(size=(400, 3)) * [1.0, 2.0, 3.0]
+    np.savetxt(path, samples, delimiter=",", header="a,b,a", comments="", fmt="%.6f")
+    names = ("a (1)", "b", "a (3)")
+    both = read_recording(path, 1000.0)
+    assert both.channel_names == names
+    for key in (3, names[2]):
+        assert read_recording(path, 1000.0, channels=key).channel_names == names[2:]
+    frame = recording_spectrum(both, "rms").to_frame()
+    assert list(frame.columns)[1:] == list(names)
+    told = {row.channel: row.value for row in indicator_table(both).rows if row.indicator == "RMS"}
+    assert list(told) == list(names)
+    assert list(told.values()) == pytest.approx(samples.std(axis=0), rel=1e-6)
 
 
 def test_a_name_that_stands_twice_is_refused_only_when_asked_for(write):

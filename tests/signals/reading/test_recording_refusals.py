@@ -39,6 +39,16 @@ def path(tmp_path):
     return tmp_path / "recording.csv"
 
 
+@pytest.mark.parametrize("cell", ["nan", "-inf", "1e999", "", "#N/A"])
+@pytest.mark.parametrize("index", [0, 1, len(LINES) - 1])
+@pytest.mark.parametrize("column", [1, 2, 3])
+def test_a_cell_without_a_number_is_named_by_its_place_wherever_it_is(path, index, column, cell):
+    cells = ["1"] * 3
+    cells[column - 1] = cell
+    message = refusal(path, with_line(index, ",".join(cells) + "\n"))
+    assert f", line {index + 2}, column {column} ('{'abc'[column - 1]}'): " in message
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
@@ -218,3 +228,9 @@ def test_a_gap_is_refused_where_that_channel_is_wanted_only(path):
     assert read_recording(path, 1000.0, channels=["a", "c"]).samples.shape == (2, 300)
     with pytest.raises(RecordingError, match="line 152, column 2"):
         read_recording(path, 1000.0, channels="a", tacho="b")
+
+
+def test_numbers_above_the_names_of_columns_are_none_of_the_samples(path):
+    path.write_text(f"2026,51200\n7\n{HEAD}{BODY}")
+    assert read_recording(path, 1000.0).samples.shape == (3, len(LINES))
+    assert "line 3: 2 numbers where the rows below have 3" in refusal(path, f"7\n{HEAD}1,2\n{BODY}")

@@ -64,6 +64,16 @@ def test_speed_is_found_though_the_nominal_one_is_wrong(error):
     np.testing.assert_allclose(scan.track().speed_hz, true, rtol=1e-3)
 
 
+def test_a_speed_is_read_finer_than_candidates_stand_apart():
+    apart = float(np.diff(SpeedScan(machine(steady(NOMINAL)), RATE, COMB, NOMINAL).ratio).max())
+    off = []
+    for share in (0.0, 0.2, 0.4, 0.6, 0.8):
+        true = NOMINAL * (1 + share * apart)
+        track = SpeedScan(machine(steady(true), noise=0.5), RATE, COMB, NOMINAL).track()
+        off.append((track.speed_hz / true - 1) / apart)
+    assert np.sqrt(np.mean(np.square(off))) < 0.45
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_drifting_speed_is_followed(seed):
     time = np.arange(int(10 * RATE)) / RATE

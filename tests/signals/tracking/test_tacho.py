@@ -10,6 +10,7 @@ from reference.synthetic_signals import wandering_turns, white
 
 from gearmon.errors import RecordingError
 from gearmon.signals.tracking import TachoPulses, find_pulses, pulses_per_turn, track_from_pulses
+from gearmon.signals.tracking.tacho import track_through
 
 RATE = 10_000.0
 DURATION = 10.0
@@ -259,3 +260,16 @@ def test_a_waveform_is_no_row_of_pulse_times():
         TachoPulses(time_s=np.array([0.0, 1.0, np.nan, 3.0]))
     with pytest.raises(RecordingError, match="a row of at least 4 times is needed"):
         TachoPulses(time_s=np.zeros((2, 5)))
+
+
+@given(st.integers(0, 1000), st.integers(2, 9))
+def test_a_track_holds_the_angles_that_are_known_and_goes_straight_beyond_them(seed, knots):
+    rng = np.random.default_rng(seed)
+    time_s, turns = 1.0 + np.cumsum(rng.uniform(0.1, 1.0, (2, knots)), axis=1)
+    track = track_through(time_s, turns, 12.0)
+    assert (track.time_s[0], track.time_s[-1]) == (0.0, 12.0)
+    inside = slice(1, -1)
+    known = np.interp(track.time_s[inside], time_s, turns)
+    np.testing.assert_allclose(track.turns[inside], known, rtol=1e-12)
+    speed = np.diff(turns) / np.diff(time_s)
+    assert track.speed_hz[[0, -1]] == pytest.approx(speed[[0, -1]])
