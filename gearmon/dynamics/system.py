@@ -254,6 +254,28 @@ class SystemResponse(PeriodicVibration):
     def _period_s(self) -> float:
         return self.system.period_s
 
+    @property
+    def mesh_deflection(self) -> Complex:
+        """Lines of d_j = v_j . q [m], shape (N+1, meshes)."""
+        return self.displacement @ self.system.mesh_vectors.T
+
+    def spring_force(self, vectors: npt.ArrayLike, stiffness_n_per_m: npt.ArrayLike) -> Complex:
+        """Lines of the forces of springs of constant stiffness, such as bearings.
+
+        Parameters
+        ----------
+        vectors : float array, shape (springs, n)
+            Their deflections are vectors @ q; dimensionless.
+        stiffness_n_per_m : float array, shape (springs,)
+
+        Returns
+        -------
+        complex ndarray, shape (N+1, springs)
+            [N].
+        """
+        moved: Complex = self.displacement @ np.atleast_2d(np.asarray(vectors, dtype=float)).T
+        return np.asarray(moved * np.asarray(stiffness_n_per_m))
+
     @cached_property
     def mesh_force_margin(self) -> Real:
         """Smallest force of every mesh over its mean [1]; <= 0 where contact is lost."""

@@ -136,7 +136,7 @@ def test_many_meshes_and_a_slow_period_leave_a_bound():
     assert relative(exact, found) <= found.error_bound + ROUNDING
 
 
-def test_forces_and_motion_belong_together():
+def test_forces_and_deflections_belong_together():
     system = random_system(np.random.default_rng(3), 6, 3)
     r = steady_state(system, 1e-10)
     time = 0.37 * system.period_s
@@ -149,6 +149,9 @@ def test_forces_and_motion_belong_together():
     np.testing.assert_allclose(
         system.mesh_vectors.T @ r.at(time, "mesh_force"), pressing, atol=1e-8 * scale
     )
+    np.testing.assert_allclose(r.mesh_deflection, r.displacement @ system.mesh_vectors.T)
+    spring = r.spring_force(np.eye(len(q))[:1], [5.0])
+    np.testing.assert_allclose(spring[:, 0], 5 * r.displacement[:, 0])
 
 
 def test_orders_approach_the_answer():
