@@ -6,7 +6,6 @@ cycles a turn of shaft 1. Time is the last axis everywhere, channels the one bef
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -123,24 +122,28 @@ class AngleTrack:
         time = np.concatenate([[start_s], self.time_s[inside], [stop_s]])
         return replace(self, time_s=time - start_s, turns=self.turns_at(time))
 
-    def moved(
-        self, knots: FloatArray, turns_of: Callable[[FloatArray], FloatArray], doubt: float
-    ) -> AngleTrack:
+    def moved(self, angle: FloatArray, ahead: FloatArray, uncertainty_turns: float) -> AngleTrack:
         """Return the track with other angles at the same times.
 
         Parameters
         ----------
-        knots : ndarray of float
-            Angles of this track at which it gets knots, beside its ends [turns], ascending.
-        turns_of : callable
-            Gives what is to stand in the place of angles [turns].
-        doubt : float
-            Uncertainty of the result [turns].
+        angle : ndarray of float
+            Angles of this track [turns], ascending; those beyond its ends are left out.
+        ahead : ndarray of float
+            By how much each is to be moved [turns]: straight between them, and on with the slopes
+            beyond.
+        uncertainty_turns : float
+            Of the result [turns].
         """
-        first, last = self.turns[[0, -1]]
-        angle = np.concatenate([[first], knots[(knots > first) & (knots < last)], [last]])
-        time_s, turns = self.time_at(angle), turns_of(angle)
-        return replace(self, time_s=time_s, turns=turns, uncertainty_turns=doubt, indexed=False)
+        ends = self.turns[[0, -1]]
+        inside = (angle > ends[0]) & (angle < ends[1])
+        angle, ahead = angle[inside], ahead[inside]
+        beyond = ahead[[0, -1]] + np.gradient(ahead, angle)[[0, -1]] * (ends - angle[[0, -1]])
+        known, shift = np.insert(ends, 1, angle), np.insert(beyond, 1, ahead)
+        time_s, doubt = self.time_at(known), uncertainty_turns
+        return replace(
+            self, time_s=time_s, turns=known + shift, uncertainty_turns=doubt, indexed=False
+        )
 
     def time_at(self, turns: FloatArray) -> FloatArray:
         """Time [s] at the given angles [turns]; linear beyond the ends."""

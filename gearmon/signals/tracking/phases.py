@@ -313,19 +313,7 @@ def _locked(track: AngleTrack, lines: SlidingLines, limits: Sequence[float]) -> 
     quick = float(np.mean(((weight * departure) ** 2).sum(axis=1)) / np.mean(total) ** 2)
     drift = np.unwrap(np.angle(mean[:, clear]), axis=0) / (2 * np.pi * order[clear])
     slow = float(np.average(np.var(drift, axis=0), weights=(order**2 / variance)[clear]))
-    return _shifted(track, lines.angle, error, float(np.sqrt(quick + slow)))
-
-
-def _shifted(
-    track: AngleTrack, angle: FloatArray, error: FloatArray, uncertainty_turns: float
-) -> AngleTrack:
-    """Move a track by errors at some angles: straight between, on with the slopes at the ends."""
-    ends = track.turns[[0, -1]]
-    beyond = error[[0, -1]] + np.gradient(error, angle)[[0, -1]] * (ends - angle[[0, -1]])
-    places, shift = np.insert(ends, 1, angle), np.insert(beyond, 1, error)
-    return track.moved(
-        angle, lambda turns: turns + np.interp(turns, places, shift), uncertainty_turns
-    )
+    return track.moved(lines.angle, error, float(np.sqrt(quick + slow)))
 
 
 def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
@@ -389,8 +377,7 @@ def unwarp(
     vibration = InAngle.of(sums.samples, sums.sampling_rate_hz, track)
     grid, scan = vibration.grid, scan_angle(vibration, comb, reach, turns)
     inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
-    first = grid.first_turn
-    return track.moved(first + inner.time_s, lambda turns: inner.turns_at(turns - first), np.nan)
+    return track.moved(grid.first_turn + inner.time_s, inner.turns - inner.time_s, np.nan)
 
 
 def follow_lines(sums: OrderSums, track: AngleTrack) -> tuple[AngleTrack, float]:
@@ -446,7 +433,7 @@ def _followed(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
         if not weight.any():
             return track
     error = np.concatenate([[0.0], np.cumsum(course * lines.hop)])
-    return _shifted(track, lines.angle, error, np.nan)
+    return track.moved(lines.angle, error, np.nan)
 
 
 class LostStretch(NamedTuple):
