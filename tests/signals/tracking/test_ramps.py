@@ -275,6 +275,26 @@ def test_a_load_that_ripples_fast_is_followed_by_high_harmonics_alone(seed, shar
     assert np.quantile(np.abs(error - np.median(error)), 0.9) * 23 < 0.02
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_an_angle_followed_from_far_off_is_nearly_as_good_as_one_locked_from_the_truth(
+    seed,
+):
+    """What short blocks follow beside the speed, sidebands of slow shafts say, is left out."""
+    rng, rate, meshes = np.random.default_rng(seed), 10_000.0, 23.0 * np.arange(1, 7)
+    time = np.arange(int(DURATION * rate)) / rate
+    turns = rippling(rng, time, 0.003)
+    orders = [m + r for m in meshes for r in (-2, -1, -0.5, 0, 0.5, 1, 2)]
+    beside = [0.1, 0.2, 0.3, 1, 0.3, 0.2, 0.1]
+    levels = np.repeat([0.02, 0.02, 0.1, 0.6, 1.0, 0.5], 7) * np.tile(beside, 6)
+    samples = lines_on(turns, orders, levels, rng.uniform(0, 6.28, 42))
+    sums = OrderSums(samples + white((1, len(turns)), 0.7, seed=seed), rate, meshes)
+    right = track_of(lambda time_s: np.interp(time_s, time, turns), time[-1], 400)
+    tracks = follow_lines(sums, constant_track(NOMINAL, time[-1]))[0], lock_track(sums, right)[0]
+    errors = [error_of(track, turns, rate) for track in tracks]
+    far, near = (np.median(np.abs(error - np.median(error))) for error in errors)
+    assert far < 1.6 * near
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_is_not_made_coherent_by_following_it(seed):
     sums = OrderSums(white((1, len(TIME)), 1.0, seed=seed), RATE, MESHES)
