@@ -79,11 +79,11 @@ _SECOND_EVENT = 8.0
 # Least misfit of a gear that others are held against: of 2,398 sound gears of drawn machines one in
 # six leaves less. It tells something where it would leave more than the second number.
 _LEAST_BESIDE, _WOULD_SHOW = 0.5, 2.0
-# Mean square of the rest below which the noise that blocks tell is too much to be believed. On 49
-# foreign trains integrated in time, loads rippling at 0.1 to 6 Hz, sound gears leave 0.4 to 0.9 of
-# it beside one reference. Beside three, at 0.6, 0.8 and 1.0 of the load, 3 of 377 comparisons of
-# sound ones were believed as a fault is, by gears that leave 0.40 to 0.52 of it, and none is; of
-# 208 cracks of 15 and 30 % 117 are instead of 119. With 1 instead of this number it would be 104.
+# Mean square of the rest, beside several references, below which the noise that blocks tell is too
+# much to be believed. On 49 foreign trains integrated in time, loads rippling at 0.1 to 6 Hz, 3 of
+# 377 comparisons of sound ones with loads of 0.6, 0.8 and 1.0 were believed as a fault is, by gears
+# that leave 0.40 to 0.52 of it, and none is; of 104 cracks of 15 and 30 % 50 are instead of 51,
+# with 1 instead of this number 44. Beside one reference none of 80 sound ones was.
 _TRUSTED = 0.6
 # Share of an event's energy that is left at every other tooth when all that can be followed of it
 # is taken off: a crack that grows from 10 to 60 % raises the rest by 0.006 to 0.01 of its own.
@@ -350,9 +350,11 @@ class GearDeviation:
 
         Blocks scatter by what a rippling load does, too, which cancels in their mean. Where far
         less is left than the noise that they tell, how much of it is noise is known the less.
+        Beside one reference the prior allows for more than that.
         """
-        trusted = self.noise_share * min(1.0, self.misfit / _TRUSTED)
-        return 1.0 - trusted / max(1.0, self.misfit)
+        several = any(len(band.known) for band in self.bands)
+        trusted = min(1.0, self.misfit / _TRUSTED) if several else 1.0
+        return 1.0 - self.noise_share * trusted / max(1.0, self.misfit)
 
     def beyond(self, other: GearDeviation) -> float:
         """How much more this gear departs all around its turn than another one does.
