@@ -128,22 +128,20 @@ class AngleTrack:
         Parameters
         ----------
         angle : ndarray of float
-            Angles of this track [turns], ascending; those beyond its ends are left out.
+            Angles of this track [turns], ascending, at least two.
         ahead : ndarray of float
             By how much each is to be moved [turns]: straight between them, and on with the slopes
             beyond.
         uncertainty_turns : float
             Of the result [turns].
         """
-        ends = self.turns[[0, -1]]
-        inside = (angle > ends[0]) & (angle < ends[1])
-        angle, ahead = angle[inside], ahead[inside]
-        beyond = ahead[[0, -1]] + np.gradient(ahead, angle)[[0, -1]] * (ends - angle[[0, -1]])
-        known, shift = np.insert(ends, 1, angle), np.insert(beyond, 1, ahead)
+        first, last = self.turns[[0, -1]]
+        known = np.concatenate([[first], angle[(angle > first) & (angle < last)], [last]])
+        slope, turns = np.gradient(ahead, angle), known + np.interp(known, angle, ahead)
+        turns += slope[0] * np.minimum(known - angle[0], 0.0)
+        turns += slope[-1] * np.maximum(known - angle[-1], 0.0)
         time_s, doubt = self.time_at(known), uncertainty_turns
-        return replace(
-            self, time_s=time_s, turns=known + shift, uncertainty_turns=doubt, indexed=False
-        )
+        return replace(self, time_s=time_s, turns=turns, uncertainty_turns=doubt, indexed=False)
 
     def time_at(self, turns: FloatArray) -> FloatArray:
         """Time [s] at the given angles [turns]; linear beyond the ends."""

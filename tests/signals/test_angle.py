@@ -225,6 +225,20 @@ def test_uncertainty_counts_turns_of_the_shaft_it_is_told_for():
     assert fast.uncertainty_turns == pytest.approx(3.5e-3)
 
 
+@pytest.mark.parametrize(
+    "angle", [[5.0, 6.0], [0.0, 8.0, 20.0], [-3.0, 2.0, 9.0, 25.0], np.arange(0.0, 20.0, 0.25)]
+)
+def test_a_track_moved_by_a_straight_line_is_that_line_from_end_to_end(angle):
+    """Wherever it is told: within the ends, at them or beyond; and times stay as they were."""
+    angle = np.array(angle)
+    old = constant_track(20.0, 1.0)
+    new = old.moved(angle, 0.3 + 0.01 * angle, 2e-3)
+    at = np.linspace(0.0, 1.0, 101)
+    np.testing.assert_allclose(new.turns_at(at), 0.3 + 1.01 * old.turns_at(at), atol=1e-12)
+    assert new.time_s[[0, -1]].tolist() == pytest.approx([0.0, 1.0])
+    assert (new.uncertainty_turns, new.indexed) == (2e-3, False)
+
+
 def test_a_parabola_through_uneven_knots_is_met_exactly():
     """Slopes are those of the parabolas through neighbours, however far apart these are."""
     turns = np.array([0.0, 1.0, 1.5, 3.5, 4.0, 6.0, 6.3, 9.0])

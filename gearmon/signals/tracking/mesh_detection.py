@@ -392,7 +392,7 @@ def foreign_spacing(
     distance of each shaft: a faulty tooth, too, fills the orders between those of the mesh, but all
     multiples of its shaft alike. Of 18 teeth every third is the same few lines of their pattern,
     which chance may put above the rest: where a spacing is so many turns of a gear of its own, the
-    lines between are another thing's only if nearly all of their height is above those neighbours.
+    lines between are another thing's only if half of their height is above those neighbours.
     """
     last = max(_HARMONICS, len(mesh.groups))
     quality = spectrum.quality[: int((last + 1) * mesh.order / spectrum.step)]
