@@ -11,13 +11,14 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "gearmon"
 
 # Who may import whom: a room may always import from itself.
-FOUNDATIONS = {"arrays", "errors", "files", "lazy", "result", "units"}
+FOUNDATIONS = {"arrays", "errors", "files", "lazy", "result", "threads", "units"}
 ALLOWED = {
     "arrays": set(),
     "errors": set(),
     "lazy": {"errors"},
     "files": {"errors"},
     "result": {"errors", "files"},
+    "threads": {"errors"},
     "units": set(),
     "machine": FOUNDATIONS,
     "gears": FOUNDATIONS | {"machine"},

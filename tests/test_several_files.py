@@ -10,7 +10,7 @@ import pytest
 from gearmon.cli import main
 from gearmon.commands.command import each_of
 from gearmon.errors import ArgumentError, GearmonError
-from gearmon.signals.threads import THREADS, cores
+from gearmon.threads import THREADS, cores
 
 
 def named(path, ending):

@@ -23,8 +23,8 @@ from gearmon import report
 from gearmon.errors import ArgumentError, GearmonError, check_positive
 from gearmon.files import as_json, check_output, protecting, write_table
 from gearmon.report.wording import template
-from gearmon.signals.threads import THREADS, alone_on_a_core, cores
 from gearmon.terminal import Progress, coloured, followed, line_cleared, progress_line
+from gearmon.threads import THREADS, alone_on_a_core, cores
 
 if TYPE_CHECKING:
     from gearmon.result import Result

@@ -30,8 +30,8 @@ from gearmon.fleet.plan import Fleet, read_fleet
 from gearmon.fleet.run import run_fleet
 from gearmon.harvesting import load_harvester, survey_measured
 from gearmon.report import exposure_lines, harvest_lines, save_all, write_exposure_report
-from gearmon.signals.threads import cores
 from gearmon.terminal import Progress, followed
+from gearmon.threads import cores
 
 FAULT = "crack:1:pinion:5:30%"
 AT_THREE_PLACES: dict[str, Any] = {"sampling_rate_hz": 12_800.0, "channels": 3, "machine_seed": 4}

@@ -32,7 +32,7 @@ from gearmon.result import Result
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
-from gearmon.signals.threads import side_by_side
+from gearmon.threads import side_by_side
 from gearmon.units import STANDARD_GRAVITY
 
 #: Weighting and factor k of each axis, by where the vibration enters.

@@ -28,8 +28,8 @@ from gearmon.fleet.ledger import Outcome, alarms, deliver, keep, known, renew, w
 from gearmon.fleet.plan import Fleet, FleetMachine, Job, arrived, is_remote
 from gearmon.machine import Machine, load_machine
 from gearmon.signals.recording import Recording, free_bytes, read_recording
-from gearmon.signals.threads import THREADS, alone_on_a_core, cores
 from gearmon.signatures.measured.reference import Reference, read_reference
+from gearmon.threads import THREADS, alone_on_a_core, cores
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.results import Analysis

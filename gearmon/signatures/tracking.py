@@ -24,11 +24,11 @@ from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.orders.spectra import fine_order_spectrum
-from gearmon.signals.threads import at_once
 from gearmon.signals.tracking import mesh_detection, phases, tacho
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, clearest
 from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
+from gearmon.threads import at_once
 
 SPEED_TOLERANCE = 0.03
 #: How far it is looked for when it is not found so near to nominal.

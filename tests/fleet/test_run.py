@@ -35,7 +35,7 @@ from gearmon.fleet.ledger import compare, rank, write_results
 from gearmon.fleet.plan import FleetMachine, Hook, arrived, is_remote
 from gearmon.fleet.run import analysed
 from gearmon.signals.recording import Recording
-from gearmon.signals.threads import THREADS, cores
+from gearmon.threads import THREADS, cores
 
 
 def test_progress_rises_from_the_first_recording_to_all_of_them(tmp_path):

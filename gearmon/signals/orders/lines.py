@@ -40,7 +40,7 @@ from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.resampling import AngleGrid, InAngle, Kernel
 from gearmon.signals.spectra import fast_length, local_floor, transform, window, window_powers
-from gearmon.signals.threads import side_by_side
+from gearmon.threads import side_by_side
 
 # What a line may add elsewhere where only the phase of strong ones is followed.
 _QUICK_ERROR = 1e-3

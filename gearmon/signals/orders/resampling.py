@@ -49,7 +49,7 @@ from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track, phasors
 from gearmon.signals.spectra import fast_length
-from gearmon.signals.threads import side_by_side
+from gearmon.threads import side_by_side
 
 #: Share of the sampling rate up to which tones are read; above, they fade towards half the rate.
 READ_UP_TO = 0.45

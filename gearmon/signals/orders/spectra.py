@@ -34,7 +34,7 @@ from gearmon.signals.spectra import (
     window,
     window_powers,
 )
-from gearmon.signals.threads import side_by_side
+from gearmon.threads import side_by_side
 
 # Bins of the running median that tells the noise under the lines.
 _FLOOR_BINS, _NARROWEST = 384, 24

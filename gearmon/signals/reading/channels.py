@@ -18,7 +18,7 @@ import numpy as np
 from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import Column, Defect, Table, find_columns, find_defect
-from gearmon.signals.threads import side_by_side
+from gearmon.threads import side_by_side
 from gearmon.units import acceleration_factor, plain_unit, time_factor
 
 _ACCELERATION_UNIT = "m/s2"

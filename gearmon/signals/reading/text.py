@@ -34,7 +34,7 @@ from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Table, shortened
 from gearmon.signals.reading.layout import MISSING, Dialect, find_layout, is_comment
-from gearmon.signals.threads import MOST_THREADS, cores
+from gearmon.threads import MOST_THREADS, cores
 
 # With 256 kB reading takes 65 % more time, with 512 kB 20 %, with 1 MB 0 to 2 %, with 2 MB 10 %
 # (2e6 rows of 4 columns, two cores); every MB takes some 20 MB of memory while it is parsed.

@@ -21,7 +21,7 @@ from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.spectra import fast_length, local_floor, window, window_powers
-from gearmon.signals.threads import side_by_side
+from gearmon.threads import side_by_side
 
 # Most candidates of a scan, and of a path, whose search takes the longer the more blocks there are.
 _MAX_CANDIDATES, _PATH_CANDIDATES = 6000, 4000

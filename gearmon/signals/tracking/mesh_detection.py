@@ -22,8 +22,8 @@ from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from gearmon.arrays import BoolArray, FloatArray
 from gearmon.signals.orders.spectra import FineSpectrum
-from gearmon.signals.threads import side_by_side
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack
+from gearmon.threads import side_by_side
 
 Orders = Sequence[float]
 

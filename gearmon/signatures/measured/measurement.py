@@ -21,13 +21,13 @@ from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import window, window_powers
-from gearmon.signals.threads import at_once
 from gearmon.signals.tracking import mesh_detection
 from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence, SidebandSpacing
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.speed_channels import track_recording
 from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking
+from gearmon.threads import at_once
 
 #: What a line may add elsewhere, relative to it: the angle is not known as well.
 LEAKAGE = 1e-4

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from reference.synthetic_signals import constant_track, lines_on, white
 
-from gearmon.signals import threads
+from gearmon import threads
 from gearmon.signals.orders import InAngle, OrderBlocks, OrderSums, fine_order_spectrum
 from gearmon.signals.orders.spectra import fine_envelope_spectrum
-from gearmon.signals.threads import alone_on_a_core, at_once, cores, side_by_side
+from gearmon.threads import alone_on_a_core, at_once, cores, side_by_side
 
 RATE, SPEED = 2000.0, 20.0
 
