@@ -26,6 +26,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear, log_mean, ringing
@@ -110,9 +111,8 @@ def loss_estimate(gear: SearchedGear, machine: Machine) -> LossEstimate:
     LossEstimate
         Of the likelihood over the logarithm of the loss.
     """
-    steps = np.log(LOSSES)
-    likely = _blurred(gear.log_likelihood[:, gear.best], steps, _SEARCHED)
-    total = np.interp(_FINE, steps, np.log(likely))
+    searched = CubicSpline(np.log(LOSSES), gear.log_likelihood[:, gear.best])(_FINE)
+    total = np.log(_blurred(searched, _SEARCHED))
     for harmonic in _harmonics(gear, machine):
         # a line that is out of phase is not the event's alone
         each = harmonic.ratio / (np.abs(harmonic.ratio) * harmonic.noise)
@@ -122,15 +122,15 @@ def loss_estimate(gear: SearchedGear, machine: Machine) -> LossEstimate:
         misfit = 0.5 * (_FREEDOM + 1.0) * np.log1p(off**2 / (_FREEDOM * unsure))
         total -= misfit + 0.5 * np.log(unsure)
     loaded = min(1.0, gear.difference.load)
-    chance = _blurred(total, _FINE, _COMMON / np.sqrt(loaded))
+    chance = _blurred(total, _COMMON / np.sqrt(loaded))
     share = np.cumsum(chance) - 0.5 * chance
     low, middle, high = np.exp(np.interp([0.05, 0.5, 0.95], share / chance.sum(), _FINE)).tolist()
     return LossEstimate(loss=middle, low=low, high=high)
 
 
-def _blurred(logarithm: FloatArray, steps: FloatArray, deviation: float) -> FloatArray:
-    """Likelihood by its logarithm over even steps, once the steps are that unsure."""
-    blur = np.exp(-0.5 * ((steps[:, None] - steps) / deviation) ** 2)
+def _blurred(logarithm: FloatArray, deviation: float) -> FloatArray:
+    """Likelihood of `_FINE` by its logarithm, once they are that unsure."""
+    blur = np.exp(-0.5 * ((_FINE[:, None] - _FINE) / deviation) ** 2)
     return np.asarray((blur / blur.sum(axis=0)) @ np.exp(logarithm - logarithm.max()))
 
 

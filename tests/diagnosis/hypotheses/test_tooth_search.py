@@ -76,21 +76,21 @@ def order(gear):
     return 1.0 if gear == "pinion" else 27 / 41
 
 
-def path(gear, seed):
+def path(gear, seed, speed_hz=SPEED_HZ):
     """Transfer function at the multiples of the rotation: decaying noise, two channels."""
     rng = np.random.default_rng([1, seed])
-    hz = order(gear) * SPEED_HZ * np.arange(len(response(gear).lines))
+    hz = order(gear) * speed_hz * np.arange(len(response(gear).lines))
     delay = np.sort(rng.exponential(4e-4, 60))
     weight = rng.normal(size=(2, 60, 2)) @ np.array([1.0, 1j]) / np.sqrt(120)
     return weight @ np.exp(-2j * np.pi * np.outer(delay, hz))
 
 
-def patterns(gear, seed, loss=0.0, tooth=1, gain=1.0, turn=0.0, noise=True, size=0.03):
+def patterns(gear, seed, loss=0.0, tooth=1, gain=1.0, turn=0.0, noise=True, size=0.03, **path_at):
     """A healthy pattern with errors of its own, and a new one with a loss on a tooth."""
     z, known = TEETH[gear], response(gear)
     rng = np.random.default_rng([2, seed])
     number = np.arange(1, HARMONICS * z + z // 2)
-    place = path(gear, seed)[:, number]
+    place = path(gear, seed, **path_at)[:, number]
     # in units in which the healthy mesh has a mean square line of 1
     unit = np.sqrt(np.mean(np.abs(known.mesh[1:]) ** 2))
     errors = rng.normal(size=(len(number), 2)) @ np.array([1.0, 1j])
@@ -185,6 +185,18 @@ def test_the_size_of_planted_losses_is_told():
         assert np.median([one.loss for one in told]) == pytest.approx(loss, rel=0.15)
         inside = [one.low <= loss <= one.high for one in told]
         assert np.mean(inside) >= 0.75
+
+
+@pytest.mark.parametrize("speed_hz", [1.0, 100.0])
+def test_the_size_is_told_by_the_path_at_slow_and_fast_meshes_alike(speed_hz):
+    """Slow meshes put their harmonics so near that the path is the same at all of them."""
+    told = []
+    for seed in range(16):
+        healthy, new = patterns("gear", seed, loss=0.2, tooth=9, speed_hz=speed_hz)
+        difference = held_against(new, [healthy], same_zero=True)
+        found = search_gear(replace(difference, mesh_lines=None), response("gear"), speed_hz)
+        told.append(estimate(found).loss)
+    assert np.median(told) == pytest.approx(0.2, rel=0.06)
 
 
 def test_noise_that_is_stated_too_large_makes_no_loss_too_small():
