@@ -282,12 +282,9 @@ class GearDeviation:
             event = waves / band.deviation[:, :, None]
             columns = np.concatenate([event, gains * band.pattern[:, :, None]], axis=2)
             columns /= np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), _TINY)
-            side, size, _ = np.linalg.svd(columns, full_matrices=False)
-            kept = size > gear_patterns.RANK * size[:, :1]
-            side = np.where(kept[:, None], side, 0.0)
-            followed = side @ (side.conj().swapaxes(1, 2) @ band.rest[:, :, None])
-            rest.append(band.rest - followed[:, :, 0])
-            freedom += band.rest.size - np.count_nonzero(kept)
+            followed, rank = gear_patterns.spanned(columns)
+            rest.append(band.rest - gear_patterns.along(followed, band.rest))
+            freedom += band.rest.size - rank
         return float(sum(np.sum(np.abs(own) ** 2) for own in rest)), freedom, rest
 
     @cached_property

@@ -59,7 +59,7 @@ _CLEAR = 0.4
 #: All that is heard of an event is fitted so many teeth before and after its middle, the ringing of
 #: the housing included, by waves half a tooth apart; directions below this share of the largest
 #: singular value are noise.
-AROUND, RANK = np.arange(-2.0, 5.25, 0.5), 1e-2
+AROUND, _RANK = np.arange(-2.0, 5.25, 0.5), 1e-2
 # It counts from this energy over that of the median place on. Its energy is summed over so many
 # teeth, at so many places a tooth.
 _EVENT, _EVENT_TEETH, _PLACES = 6.0, 3, 8
@@ -396,8 +396,7 @@ class _Pair:
         found = []
         for band, _, _, scale in self.bands:
             waves = np.exp(-2j * np.pi * np.outer(band, AROUND / self.teeth))
-            side, size, _ = np.linalg.svd(waves / scale[:, :, None], full_matrices=False)
-            found.append(side * (size > RANK * size[:, :1])[:, None])
+            found.append(spanned(waves / scale[:, :, None])[0])
         return found
 
     def event(self, angle: float) -> ComplexArray | None:
@@ -412,7 +411,7 @@ class _Pair:
         event = np.zeros(self.new.amplitude.reshape(-1, self.new.top + 1).shape, dtype=complex)
         for (band, _, value, scale), waves in zip(self.bands, self._waves, strict=True):
             turn = np.exp(2j * np.pi * place * band)
-            event[:, band] = _along(waves, value * turn) / turn * scale
+            event[:, band] = along(waves, value * turn) / turn * scale
         return event.reshape(self.new.amplitude.shape)
 
     def beside_event(self, angles: FloatArray) -> FloatArray:
@@ -422,7 +421,7 @@ class _Pair:
             # seen from the event
             own = value * np.exp(2j * np.pi * np.outer(places, band))[:, None]
             healthy = old * np.exp(2j * np.pi * np.outer(places + angles, band))[:, None]
-            own, healthy = own - _along(waves, own), healthy - _along(waves, healthy)
+            own, healthy = own - along(waves, own), healthy - along(waves, healthy)
             match = np.abs(np.sum(healthy.conj() * own, axis=2)) ** 2
             power = np.sum(np.abs(healthy) ** 2, axis=2)
             match /= np.maximum(power, np.finfo(float).tiny)
@@ -435,12 +434,16 @@ class _Pair:
         # power
         steps = 1 << int(np.ceil(np.log2(8 * (self.new.top + 1))))
         explained = self.by_mesh(np.arange(steps) / steps)
+        # what all bands explain has the transform of the sum of their autocorrelations
+        lags = np.zeros(self.new.top + 1, dtype=complex)
         for band, old, value, _ in self.bands:
-            product = np.zeros((len(old), steps), dtype=complex)
-            product[:, band] = old.conj() * value
-            power = np.sum(np.abs(old) ** 2, axis=1)
-            match = np.abs(np.fft.fft(product, axis=1)) ** 2
-            explained += (match / np.maximum(power, np.finfo(float).tiny)[:, None]).sum(axis=0)
+            span = int(band[-1] - band[0]) + 1
+            product = np.zeros((len(old), span), dtype=complex)
+            product[:, band - band[0]] = old.conj() * value
+            power = np.maximum(np.sum(np.abs(old) ** 2, axis=1), np.finfo(float).tiny)
+            match = np.abs(np.fft.fft(product, 2 * span)) ** 2 / power[:, None]
+            lags[:span] += np.fft.ifft(match.sum(axis=0))[:span]
+        explained += np.fft.hfft(lags, steps)
         angles, apart = [], max(1, int(_APART * steps / self.teeth))
         for _ in range(_ANGLES):
             best = int(np.argmax(explained))
@@ -449,7 +452,19 @@ class _Pair:
         return np.array(angles)
 
 
-def _along(columns: ComplexArray, lines: ComplexArray) -> ComplexArray:
+def spanned(columns: ComplexArray) -> tuple[ComplexArray, int]:
+    """Return orthonormal columns of what columns span, 0 beyond their rank, and how many these are.
+
+    Parameters
+    ----------
+    columns : ndarray of complex, shape (channels, lines, columns)
+    """
+    side, size, _ = np.linalg.svd(columns, full_matrices=False)
+    kept = size > _RANK * size[:, :1]
+    return side * kept[:, None], int(np.count_nonzero(kept))
+
+
+def along(columns: ComplexArray, lines: ComplexArray) -> ComplexArray:
     """Return the part of lines that orthonormal columns span, channel by channel."""
     parts = columns.conj().swapaxes(1, 2) @ lines[..., None]
     return np.asarray((columns @ parts)[..., 0])
