@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from gearmon import __version__
 from gearmon.arrays import FloatArray
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, check_word
 from gearmon.files import replacing, write_atomically
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import kinematics
@@ -156,6 +156,8 @@ def simulate(
     >>> recording.samples.shape, recording.truth["faults"][0]["tooth"]
     ((1, 4000), 7)
     """
+    for name in settings:
+        check_word("setting ", name, [own.name for own in fields(Settings)])
     wanted: dict[str, Any] = {"duration_s": duration_s, "sampling_rate_hz": sampling_rate_hz}
     wanted |= {"machine_seed": seed, "recording_seed": seed} | settings
     known = faults_of(faults, errors=True)

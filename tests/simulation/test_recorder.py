@@ -288,6 +288,7 @@ def test_another_operating_point_may_be_taken():
         ({"tacho_shaft": 4}, r"tacho_shaft=4 must lie in \[1, 3\]"),
         ({"mains_hz": 3000.0}, "mains_hz=3000 Hz: its double must lie below"),
         ({"mains_hz": 1010.0}, "mains_hz=1010 Hz: its double must lie below 0.4 of"),
+        ({"noise_db": 20.0}, "^setting 'noise_db' is not one of .*, snr_db,"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(changes, match):
