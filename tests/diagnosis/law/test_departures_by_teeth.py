@@ -78,6 +78,20 @@ def beside(searched, others, changing=1.0):
     return replace(searched.difference, bands=bands)
 
 
+def test_noise_is_trusted_the_less_the_less_is_left_of_it_beside_several_references():
+    """Blocks scatter by what a rippling load does, too: of 0.6 of their noise on all is trusted."""
+    own, others = np.zeros(TEETH), [gear(np.zeros(TEETH), seed=k, noise=0.0) for k in (1, 2)]
+    trusted = []
+    for hiss in (0.3, 0.6, 1.0):
+        quiet = gear(own, seed=3, noise=hiss)
+        several, one = beside(quiet, others), quiet.difference
+        assert one.departs == pytest.approx(0.0, abs=0.1)
+        assert several.misfit == pytest.approx(hiss**2, rel=0.15)
+        assert 1.0 - several.departs == pytest.approx(min(1.0, several.misfit / 0.6), abs=0.1)
+        trusted.append(1.0 - several.departs)
+    assert trusted[0] < 0.5 * trusted[1] < 0.5 * trusted[2]
+
+
 def test_a_tooth_that_departs_among_the_references_is_expected_to():
     own, changed = uneven(3)
     references = [gear(own, seed=seed, height=3.0) for seed in (90, 91, 92)]
