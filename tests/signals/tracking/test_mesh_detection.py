@@ -282,3 +282,14 @@ def test_a_mesh_with_few_decoys_in_the_band_is_not_judged():
     assert found.decoys < 8
     assert (found.visible, found.clear, found.decoys_above) == (0, 0, found.decoys)
     assert not found.stands_out
+
+
+@pytest.mark.parametrize("averaged", [1, 4])
+def test_what_is_usual_is_told_by_the_noise_however_high_lines_stand_in_it(averaged):
+    """One bin in two hundred is a line's; it stands above what is usual by its own height."""
+    quality = np.random.default_rng(2).exponential(size=20_000)
+    lines, spectrum = quality.copy(), SimpleNamespace(step=0.01, width=0.02)
+    lines[::200] += 12.0
+    bare, full = (_Lines(own, spectrum, averaged) for own in (quality, lines))
+    assert full.usual == pytest.approx(bare.usual, rel=0.02)
+    assert np.all(full.at(spectrum.step * np.arange(200, 20_000, 200)) > bare.usual + 8.0)
