@@ -716,3 +716,18 @@ def test_a_mesh_line_is_told_by_its_sidebands_as_a_gaussian_law_has_it(seed):
         assert value[row] == pytest.approx(told @ (size * own))
         assert variance[row] == pytest.approx((power - told @ (power * alike[:-1, -1])).real)
         np.testing.assert_allclose(expected[:, row], grown @ told)
+
+
+@pytest.mark.parametrize("louder", [True, False])
+def test_a_mesh_shows_on_the_lines_of_a_slower_mesh_whose_gears_turn_faster(louder):
+    """Of 96 teeth on 32, whose shaft turns three times as fast and drives by 16."""
+    stages = ({"pinion_teeth": 96, "gear_teeth": 32}, {"pinion_teeth": 16, "gear_teeth": 40})
+    point = OperatingPoint(speed_rpm=1500.0)
+    train = Machine(
+        name="train", operating=(point,), stages=tuple(ParallelStage(**own) for own in stages)
+    )
+    heard = np.abs(tooth_response(train, 2, "pinion", 8 * 48.0).mesh[:9]) ** 2
+    heard[2::2] *= 30.0 if louder else 0.1
+    gears = [one_of(1, "pinion", 96, 1.0, heard[::2]), one_of(2, "pinion", 16, 3.0, heard)]
+    assert mesh_shown(gears[0], gears, train) == louder
+    assert mesh_shown(gears[1], gears, train)
