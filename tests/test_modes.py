@@ -496,3 +496,14 @@ def test_modes_of_an_operating_point_are_those_of_a_machine_with_that_one_alone(
         alone = gearmon.modes({"operating": point | {"share": 1.0}} | rest)
         np.testing.assert_array_equal(found.frequencies_hz, alone.frequencies_hz)
     assert both[1].frequencies_hz[-1] != pytest.approx(both[0].frequencies_hz[-1], rel=1e-3)
+
+
+@pytest.mark.parametrize("points", [1, 2, 3])
+def test_an_operating_point_that_the_machine_lacks_is_refused(points):
+    own = [
+        {"speed_rpm": 1500.0 + n, "torque_nm": 100.0, "share": 1 / points} for n in range(points)
+    ]
+    gearmon.modes({"operating": own, "stage": PAIR}, operating=points - 1)
+    for wrong in (-1, points, points + 1):
+        with pytest.raises(GearmonError, match=f"operating={wrong} must lie in"):
+            gearmon.modes({"operating": own, "stage": PAIR}, operating=wrong)

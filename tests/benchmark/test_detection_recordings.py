@@ -343,3 +343,16 @@ def test_misalignment_takes_its_size_once_a_turn_and_nothing_half_a_turn_later(b
     share = lost / stage.model.wave(np.ones(stage.gears[0].teeth))
     assert (share.min(), share.max()) == pytest.approx((0.0, 0.3), abs=1e-5)
     assert share.mean() == pytest.approx(0.15, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_paths_ring_in_the_band_of_their_modes_until_they_have_died_away(seed):
+    """What a mode adds begins at rest, as its deflection does after a blow."""
+    path = makers._draw_path(np.random.default_rng(seed), 2, 1)[:, 0]
+    assert np.abs(path[:, 0]).max() < 1e-12 * np.abs(path).max()
+    assert np.abs(path[:, -50:]).max() < 1e-3 * np.abs(path).max()
+    power = np.abs(np.fft.rfft(path, 1 << 16)) ** 2
+    hertz = makers.RATE_HZ * np.arange(power.shape[1]) / (1 << 16)
+    low, high = makers.MODE_BAND_HZ
+    inside = (hertz > 0.9 * low) & (hertz < 1.1 * high)
+    assert np.all(power[:, inside].sum(axis=1) > 0.98 * power.sum(axis=1))

@@ -312,3 +312,17 @@ def test_cases_of_cracks_have_ten_harmonics_a_mesh_over_their_whole_period(name,
     mesh = np.abs(harmonics[meshes - 1 :: meshes])
     between = np.delete(np.abs(harmonics), np.s_[meshes - 1 :: meshes])
     assert mesh[0] > 10 * between.max() > 0
+
+
+@pytest.mark.skipif(bool(rivals.NOT_COMPILED), reason="numba is not installed")
+def test_a_turn_that_is_marched_has_the_lines_of_the_family():
+    (member,) = fault_family(
+        dynamics.MACHINE, ["crack"], ["20%"], ["pinion"], max_hz=5e3, tolerance=1e-9
+    )
+    turn, lines = dynamics._Turn(member), member.lines.acceleration
+    errors = []
+    for steps in (16, 32, 64):
+        marched = turn.lines(*turn.marched(steps)())
+        errors.append(np.linalg.norm(marched - lines) / np.linalg.norm(lines))
+    assert errors[2] < 3e-6
+    np.testing.assert_allclose(np.log2(np.divide(errors[:2], errors[1:])), 4.0, atol=0.15)

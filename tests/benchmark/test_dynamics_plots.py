@@ -84,3 +84,18 @@ def test_every_panel_draws_run_time_over_error_of_its_case_in_the_units_that_are
 def test_files(tmp_path):
     (path,) = save_all(case_figures("dynamics", ROWS), tmp_path / "b.png")
     assert path.name == "b.png"
+
+
+def test_every_setting_lies_within_the_axis_from_less_accurate_to_more():
+    for errors in ([1e-3, 1e-7], [0.4, 1e-12], [5e-8, 2e-9], [2.0, 3e-15]):
+        table = pd.DataFrame({"method": "one", "error": errors, "median_s": [1e-5, 1e-3]})
+        ax = plot_work_precision(table, Figure().add_subplot(), styles(["one"]))
+        left, right = ax.get_xlim()
+        assert left > max(errors)
+        assert right < min(errors)
+        assert left < 10 * max(errors)
+
+
+def test_methods_are_told_apart_by_colour_or_marker():
+    looks = styles(map(str, range(40)))
+    assert len({(own["color"], own["marker"]) for own in looks.values()}) == 40

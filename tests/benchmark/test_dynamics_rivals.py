@@ -9,6 +9,7 @@ from gearmon.benchmark import rivals
 from gearmon.benchmark.equations import CASES, growing_turn, solve_reference
 from gearmon.benchmark.timing import Rival, about
 from gearmon.dynamics import steady_state
+from gearmon.dynamics.floquet import multipliers
 
 
 @pytest.fixture(scope="module", params=["resonance 2w", "rectangle"])
@@ -146,3 +147,18 @@ def test_the_band_matrix_multiplies_by_the_stiffness(highest):
     # what LAPACK takes beside the lines themselves: as many again as lie to one side
     filled = np.zeros((3 * width + 1, count), dtype=complex)
     assert rivals.banded_bytes(len(harmonics), highest) == filled.nbytes
+
+
+@pytest.mark.skipif(bool(rivals.NOT_COMPILED), reason="numba is not installed")
+@pytest.mark.parametrize("zeta", [0.0, 0.03, 0.2])
+def test_growth_is_that_of_the_larger_multiplier(zeta):
+    """Of k = 1 + eps cos(w t), damped and not, where it is stable and where it is not."""
+    ratios, variations = np.meshgrid([0.4, 0.53, 0.9, 1.3], [0.0, 0.3, 0.8], indexing="ij")
+    values = np.cos(2 * np.pi * np.arange(2 * 600 + 1) / (2 * 600))
+    found = rivals.growth(ratios, variations, zeta, values)
+    known = [
+        np.log(abs(multipliers(ratio, zeta, np.array([0.5 * eps + 0j]), 1e-12)[0]))
+        for ratio, eps in zip(ratios.ravel(), variations.ravel(), strict=True)
+    ]
+    np.testing.assert_allclose(found.ravel(), known, atol=1e-7)
+    assert (found > 0.1).any() == (zeta < 0.2)

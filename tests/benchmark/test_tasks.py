@@ -142,9 +142,10 @@ def test_ratios_are_times_of_the_rival_over_ours(tuned):
         assert row["ratio"] == pytest.approx(row["rival_time_s"] / row["time_s"])
 
 
-def test_optimum_is_not_below_brute_force(tuned):
+def test_optimum_is_that_of_brute_force_and_not_below(tuned):
     for row in tuned[1:]:
-        assert row["power_ratio"] > 0.995
+        # the coarse grid is up to half a step away from the top of a narrow resonance
+        assert 0.995 < row["power_ratio"] < 1.2
 
 
 def test_facts_of_run():

@@ -210,3 +210,27 @@ def test_what_stands_out_beside_a_track_is_the_same_from_whichever_turn_it_is_co
         assert other.score == pytest.approx(one.score, rel=1e-3)
         assert (other.clear, other.visible) == (one.clear, one.visible)
     assert far.scan.scores.shape == near.scan.scores.shape
+
+
+@pytest.mark.parametrize("counted", [1.0, 25.0, 0.2])
+def test_a_speed_of_which_no_line_tells_the_angle_is_known_to_half_of_what_was_told_apart(counted):
+    """A fraction of the speed, whatever the scan counted: hertz, or orders of a shaft."""
+    track = replace(track_of(lambda time: 24.0 * time, 10.0, 50, "comb"), uncertainty_turns=np.inf)
+    noise = np.random.default_rng(0).normal(size=(1, 2000))
+    signal = GearVibration(samples=noise, rate=200.0, machine=two_stages(), nominal_hz=25.0)
+    scan = SimpleNamespace(nominal_hz=counted, resolution_hz=1e-3 * counted)
+    found = Tracking(signal=signal, track=track, scan=scan, evidence=()).speed()
+    assert found.uncertainty_hz == pytest.approx(0.5 * 1e-3 * 24.0)
+
+
+@pytest.mark.parametrize("speed_hz", [0.1, 1.0, 30.0, 400.0])
+def test_speeds_are_the_same_within_one_percent_of_each_other_however_fast(speed_hz):
+    signal = SimpleNamespace()
+
+    def at(own_hz):
+        track = track_of(lambda time: own_hz * time, 3.0, 20)
+        return Tracking(signal=signal, track=track, scan=None, evidence=())
+
+    for off, same in ((0.0, True), (0.008, True), (-0.008, True), (0.02, False), (-0.02, False)):
+        one, other = at(speed_hz), at(speed_hz * (1 + off))
+        assert one.is_near(other) == other.is_near(one) == same

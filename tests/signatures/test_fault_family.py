@@ -17,6 +17,7 @@ from gearmon import read_recording, simulate
 from gearmon.cli import main
 from gearmon.errors import ArgumentError
 from gearmon.gears.assembly import drive_train
+from gearmon.gears.stiffness import mesh_stiffness
 from gearmon.machine import load_machine
 from gearmon.signatures.expected.baseline import contact_grid, expected_signature, faulty_lines
 from gearmon.signatures.expected.fault_family import FAMILY_KINDS, fault_family
@@ -484,3 +485,20 @@ def test_millimetres_are_depths_of_damage_and_no_errors():
     assert sized == {("crack", "1mm"), ("pitch", "20um")}
     with pytest.raises(ArgumentError, match="no size fits kind 'pitch'"):
         fault_family(PAIR, sizes=["1mm"], **known)
+
+
+@pytest.mark.parametrize(("gear", "teeth"), [("pinion", 23), ("gear", 61)])
+def test_a_small_loss_of_every_tooth_is_that_of_the_mesh(gear, teeth):
+    """Of F/k its part of F/k: of a machine told by its teeth alone, with their phases."""
+    stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 61}
+    machine = load_machine({"operating": {"speed_rpm": 1500.0}, "stage": stage})
+    own = replace(machine.stages[0], module_mm=1.0, face_width_mm=10.0)
+    steps, harmonic = 512 * 16, np.arange(1, 9)
+    phase = (np.arange(steps) + 0.5) / steps
+    waves = np.exp(-2j * np.pi * np.outer(harmonic, phase))
+    whole = waves @ (1 / mesh_stiffness(own).at(phase)) / steps * (harmonic * teeth) ** 2
+    _, lines = grown_lines(machine, 1, gear, 8 * teeth)
+    few, more = (lines[i, teeth::teeth] / GROWN[i] for i in (0, 1))
+    # what is shed grows with the loss: to the limit of none along a straight line
+    limit = few - (more - few) * GROWN[0] / (GROWN[1] - GROWN[0])
+    np.testing.assert_allclose(teeth * limit, whole, rtol=2e-3)

@@ -27,6 +27,7 @@ from gearmon.signals.orders import OrderBlocks
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signatures.measured.line_plan import line_plan
 from gearmon.signatures.measured.measurement import (
+    _held,
     broadband_levels,
     family_levels,
     level_and_error_db,
@@ -715,3 +716,25 @@ def test_two_turns_of_the_slowest_shaft_at_the_slowest_point_are_needed(speeds, 
         assert (asked in str(told.value)) == (min(speeds) == 60)
     else:
         measure_signature(given, one_pair(23, 46, *speeds))
+
+
+@pytest.mark.parametrize("speeds", [(1500.0,), (300.0, 1500.0), (1500.0, 300.0)])
+def test_phases_hold_an_angle_over_25_periods_of_the_fastest_mesh_and_pulses_over_any(speeds):
+    """Unless the recorder stood still; a run of shorter gaps is no longer one."""
+    known = one_pair(23, 61, *speeds)
+    periods = RATE / (23 * 25.0)
+    samples = white((2, 8000), seed=1)
+    samples[1] = np.arange(8000) % 160 < 50
+    for length, held in ((24, True), (26, False), (3 * 26, False)):
+        gap = (2000, 2000 + round(length * periods))
+        given = Recording(
+            samples=samples,
+            sampling_rate_hz=RATE,
+            channel_kinds=("vibration", "tacho"),
+            left_out=((100, 130), gap, (5000, 5030)),
+        )
+        assert _held(given, known, tacho=False) == held
+        assert _held(given, known, tacho=True)
+        still = samples.copy()
+        still[1, slice(*gap)] = still[1, gap[0]]
+        assert _held(replace(given, samples=still), known, tacho=True) == held

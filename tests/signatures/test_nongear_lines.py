@@ -293,3 +293,27 @@ def test_a_speed_that_dips_hides_as_much_as_one_that_rises_as_far():
         hidden.append(_noise_grid("spectrum", spectrum, course, in_time).hidden_db)
     np.testing.assert_array_equal(hidden[0], hidden[1])
     assert hidden[0].mean() > hidden[2].mean()
+
+
+@pytest.mark.parametrize("order", [6.0, 30.0, 90.0])
+@pytest.mark.parametrize("swing", [0.02, 0.1])
+def test_a_line_that_stands_still_in_time_hides_the_orders_that_it_sweeps(order, swing):
+    """Those of its order times the swing of the speed to both sides, and at most twice as far."""
+    track = track_of(lambda time_s: 25.0 * time_s, 4.0, 401)
+    samples = white((1, 24_000), 1.0, seed=2)
+    spectrum = fine_order_spectrum(InAngle.of(samples, RATE_HZ, track), 1)
+    course = _Course(track)
+    course.low, course.high = (1 - swing) * course.mean, (1 + swing) * course.mean
+    plain = _noise_grid("spectrum", spectrum, course).hidden_db
+    cells = plain.shape[-1] / spectrum.top
+    in_time = np.zeros_like(plain)
+    in_time[:, int(order * cells)] = 1e6
+    hidden = _noise_grid("spectrum", spectrum, course, in_time).hidden_db
+    (swept,) = np.nonzero(hidden[0] > plain[0])
+    np.testing.assert_allclose(hidden[0, swept], 10 * np.log10(1e6 / 2), atol=1e-3)
+    low, high = (swept[0] / cells, (swept[-1] + 1) / cells)
+    assert low <= order / (1 + swing) + 1 / cells
+    assert high >= order / (1 - swing) - 1 / cells
+    margin = 2 * (1 / cells + 2 * spectrum.width) + 2 / cells
+    assert low >= order / (1 + 2 * swing) - margin
+    assert high <= order / (1 - 2 * swing) + margin

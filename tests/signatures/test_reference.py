@@ -20,6 +20,7 @@ from gearmon.signatures.measured.measurement import measure_signature
 from gearmon.signatures.measured.reference import (
     Profile,
     WheelPattern,
+    _refuse_exchanged,
     is_reference,
     machine_notes,
     make_reference,
@@ -509,3 +510,28 @@ def test_the_same_gear_has_the_stage_the_name_and_the_teeth(other):
     own = reference().profiles[0].wheels[0]
     assert own.same_in([replace(own, **other), own]) is own
     assert own.same_in([replace(own, **other)]) is None
+
+
+@pytest.mark.parametrize("channels", [2, 3, 5])
+@pytest.mark.parametrize("louder_db", [0.0, 6.0, -20.0])
+@pytest.mark.parametrize("better", [True, False])
+def test_channels_are_exchanged_if_that_explains_more_than_gains_do(channels, louder_db, better):
+    """As named each has a gain of its own beside what scatters; some channels stay in place."""
+    bands, scatter = 40, 1.5
+    rest = np.where(np.arange(bands) % 2, scatter, -scatter)
+    change = np.full((channels + 1, channels + 1, bands), 40.0)
+    gains = np.linspace(-12.0, 12.0, channels)
+    for row in range(channels):
+        change[row, row] = gains[row] + rest
+        change[row, (row + 1) % channels] = (0.8 if better else 1.2) * rest
+    change[channels, channels] = 0.1 * rest
+    change += louder_db
+    # bands that one channel lacks tell nothing of any
+    change[0, :, [3, 8]] = np.nan
+    names = [f"a{number}" for number in range(channels + 1)]
+    if better:
+        with pytest.raises(ArgumentError, match="a0 is like a1") as refused:
+            _refuse_exchanged("new.csv", names, change)
+        assert f"{names[-1]} is like" not in str(refused.value)
+    else:
+        _refuse_exchanged("new.csv", names, change)

@@ -254,3 +254,13 @@ def test_a_speed_that_is_held_is_that_of_the_middle_of_its_time():
 def test_a_channel_that_stands_still_holds_no_pulses_and_one_of_two_levels_does(value):
     assert not _is_pulsed(np.full(1000, value))
     assert _is_pulsed(value + (np.arange(1000) % 10 < 2))
+
+
+@pytest.mark.parametrize("volts", [1e-3, 0.5, 5.0, 24.0, 3000.0])
+def test_pulses_and_speeds_are_told_apart_whatever_their_size_and_offset(volts):
+    swinging = np.clip(2.0 * np.sin(0.05 * np.arange(4000) + 0.1), -1.0, 1.0)
+    run_up = np.linspace(-1.0, 1.0, 4000)
+    for offset in (0.0, -7.0 * volts):
+        assert _is_pulsed(offset + volts * np.sign(swinging))
+        assert not _is_pulsed(offset + volts * swinging)
+        assert not _is_pulsed(offset + volts * run_up)

@@ -278,3 +278,30 @@ def test_a_missing_tooth_by_the_energy_of_the_teeth():
     )
     assert set(found["sideband_of"]) == {"", "gear"}
     assert found.header["error_estimate"] < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("rpm", "damping_ratio", "parted"),
+    [(3000.0, 0.1, 4), (36_000.0, 0.1, 5), (60_000.0, 0.1, 6), (30_000.0, 0.05, 1)],
+)
+def test_teeth_part_where_the_force_between_them_falls_to_nothing(rpm, damping_ratio, parted):
+    """While a tooth out of its place meets its mate, or as the mesh swings on after it."""
+    stage, teeth, points = replace(SMALL, damping_ratio=damping_ratio), 9, 200
+    made = Machine(name="box", operating=(replace(POINT, speed_rpm=rpm),), stages=(stage,))
+    mechanics = stage_mechanics(made, 1)
+    phase = (np.arange(teeth * points) + 0.5) / points
+    stiffness, forces = mechanics.stiffness.at(phase), []
+    for size in (0.0, 1e-6):
+        at = parabolic_error("pitch", size, 4, teeth)
+        error = np.array([at(own) for own in phase.tolist()])
+        z = steps_in_time(stiffness, error, mechanics, teeth / mechanics.mesh_frequency_hz)
+        after, step = np.roll(z, -1), 1 / (points * mechanics.mesh_frequency_hz)
+        damped = mechanics.damping_ns_per_m * (after - z) / step
+        forces.append(stiffness * (0.5 * (z + after) - error) + damped)
+    added = forces[1] - forces[0]
+    critical_um = np.min(forces[0][added < 0] / -added[added < 0])
+    assert int(phase[np.argmin(forces[0] + critical_um * added)]) == parted
+    for share in (0.95, 1.05):
+        fault = f"pitch:1:pinion:4:{share * critical_um:.6g}um"
+        found = expected_signature(made, [fault], 1e-4, max_hz=6 * mechanics.mesh_frequency_hz)
+        assert found.header["contact_lost"] == (share > 1)

@@ -16,6 +16,7 @@ from reference.gear_departures import gear as departing
 from scipy.stats import gamma as gamma_law
 
 from gearmon.diagnosis.hypotheses.mesh_harmonics import (
+    _at_mesh,
     log_caused,
     loss_estimate,
     most_likely,
@@ -703,3 +704,42 @@ def test_delays_of_an_event_are_quantiles_of_its_contact_and_of_the_ringing(name
     drawn = drawn[drawn < contact_s + 3 * decay_s]
     shares = (np.arange(len(once)) + 0.5) / len(once)
     np.testing.assert_allclose(once, np.quantile(drawn, shares), rtol=0.03, atol=2e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_mesh_line_is_told_by_its_sidebands_as_a_gaussian_law_has_it(seed):
+    """Lines of impulses at some delays, in noise: mean and variance on condition of the others."""
+    rng = np.random.default_rng(seed)
+    number, mesh, rotation_hz = np.array([19, 20, 22, 24, 25]), 23, 5.0
+    delay = rng.uniform(0.0, 0.03, 7)
+    deviation = rng.uniform(0.5, 2.0, (2, 5))
+    rest = 3.0 * complex_noise(rng, 2, 5)
+    grown = complex_noise(rng, 4, 5)
+    band = SimpleNamespace(number=number, rest=rest, deviation=deviation)
+    value, expected, variance = _at_mesh(band, mesh, rotation_hz, delay, grown)
+    each = np.append(number, mesh)
+    lag = np.subtract.outer(each, each)[:, :, None] * rotation_hz * delay
+    alike = np.exp(-2j * np.pi * lag).mean(axis=2)
+    for row, (own, size) in enumerate(zip(rest, deviation, strict=True)):
+        power = np.mean((np.abs(own) ** 2 - 1) * size**2)
+        assert power > 0
+        of_lines = power * alike[:-1, :-1] + np.diag(size**2)
+        told = power * alike[-1, :-1] @ np.linalg.inv(of_lines)
+        assert value[row] == pytest.approx(told @ (size * own))
+        assert variance[row] == pytest.approx((power - told @ (power * alike[:-1, -1])).real)
+        np.testing.assert_allclose(expected[:, row], grown @ told)
+
+
+@pytest.mark.parametrize("louder", [True, False])
+def test_a_mesh_shows_on_the_lines_of_a_slower_mesh_whose_gears_turn_faster(louder):
+    """Of 96 teeth on 32, whose shaft turns three times as fast and drives by 16."""
+    stages = ({"pinion_teeth": 96, "gear_teeth": 32}, {"pinion_teeth": 16, "gear_teeth": 40})
+    point = OperatingPoint(speed_rpm=1500.0)
+    train = Machine(
+        name="train", operating=(point,), stages=tuple(ParallelStage(**own) for own in stages)
+    )
+    heard = np.abs(tooth_response(train, 2, "pinion", 8 * 48.0).mesh[:9]) ** 2
+    heard[2::2] *= 30.0 if louder else 0.1
+    gears = [one_of(1, "pinion", 96, 1.0, heard[::2]), one_of(2, "pinion", 16, 3.0, heard)]
+    assert mesh_shown(gears[0], gears, train) == louder
+    assert mesh_shown(gears[1], gears, train)

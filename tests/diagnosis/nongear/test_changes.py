@@ -108,6 +108,21 @@ def test_mains_are_electrical(healthy, mains, wander):
     assert f"{mains:g} Hz" in found[0].name
 
 
+@pytest.mark.parametrize("wander", [0.0, 0.005])
+def test_mains_that_stood_under_a_line_of_a_gear_are_not_new(wander):
+    """At 150 Hz stood the thirteenth harmonic of the second shaft; now it turns faster."""
+    speed_hz = 150.0 / (13 * float(train().shafts[1].order))
+    loud, found = {"level": 0.1, "wander": wander}, {}
+    new = heard(1, tones_hz=(150.0,), **loud)
+    for tones_hz in ((150.0,), ()):
+        hidden = {"tones_hz": tones_hz, "speed_hz": speed_hz, "level": 0.1, "wander": 0.0}
+        known = [heard(seed, **hidden) for seed in (100, 101)]
+        near = [line for own in known for line in own if abs(line.frequency_hz - 150.0) < 1.0]
+        assert near == []
+        found[tones_hz] = [one.kind for one in flagged(new, known)]
+    assert found == {(150.0,): [], (): ["electrical"]}
+
+
 def test_half_orders_are_looseness(healthy):
     new = heard(1, orders=(0.5, 1.5, 2.5, 3.5, 7.61, 40.37))
     found = flagged(new, healthy)

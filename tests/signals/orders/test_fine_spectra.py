@@ -197,3 +197,18 @@ def test_floor_follows_noise_that_rises_towards_zero(power):
     above = np.median(spectrum.power / spectrum.floor, axis=0)
     averaged = above[16:4096].reshape(-1, 16).mean(axis=1)
     np.testing.assert_allclose(averaged, 1.0, atol=0.4)
+
+
+@pytest.mark.parametrize("bins", [2, 4, 10])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_weaker_line_shows_beside_a_strong_one_where_side_lobes_are_lower(bins, side):
+    """By its distance in widths, of however many bins; a main lobe holds one line."""
+    floor, strong = np.full((1, 400 * bins), 1e-9), 200 * bins
+    shown_from_db = {1.6: np.inf, 2.5: -24.0, 3.6: -24.0, 4.6: -42.2, 15.6: -42.2, 16.6: -80.0}
+    for widths, least_db in shown_from_db.items():
+        for level_db in np.clip([least_db - 1.0, least_db + 1.0], -70.0, -0.1):
+            power, weaker = floor.copy(), strong + side * round(widths * bins)
+            power[0, strong], power[0, weaker] = 1.0, 10 ** (level_db / 10)
+            spectrum = FineSpectrum(power=power, floor=floor, step=0.1, width=0.1 * bins, pieces=1)
+            shown = sorted([strong, weaker] if level_db > least_db else [strong])
+            assert clear_peaks(spectrum, 10.0).tolist() == shown

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -307,3 +309,21 @@ def test_of_few_blocks_one_that_is_a_little_louder_was_not_knocked(count, knocke
     lines.amplitude[1] *= 1.6
     told = without_knocks(lines, np.arange(60), number)
     assert told.knocked == pytest.approx(knocked / count)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_of_a_knock_however_loud_four_deviations_of_noise_are_left(seed):
+    """At every place of the turn, and so in the root mean square over all of it."""
+    quiet, number = blocks_of_a_turn(60, event=3.0, seed=seed)
+    middle = np.median(quiet.amplitude.real, axis=0) + 1j * np.median(quiet.amplitude.imag, axis=0)
+    knocked, usual = [2, 9], np.sqrt(np.mean(np.abs(quiet.amplitude - middle) ** 2))
+    for size in (30.0, 300.0, 3000.0):
+        blocks = quiet.amplitude.copy()
+        for block, place in zip(knocked, (0.31, 0.777), strict=True):
+            blocks[block] += size * np.exp(-2j * np.pi * place * number)
+        told = without_knocks(replace(quiet, amplitude=blocks), np.arange(60), number).amplitude
+        others = np.delete(np.arange(60), knocked)
+        # of thousands of places of noise alone one or the other is as far out
+        assert np.abs(told - quiet.amplitude)[others].max() < 0.1 * usual
+        left = np.sqrt(np.mean(np.abs(told[knocked] - middle) ** 2, axis=(1, 2)))
+        assert left.max() < 4 * usual

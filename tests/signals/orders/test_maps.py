@@ -120,11 +120,14 @@ def test_equals_blocks_taken_one_by_one(monkeypatch):
     assert found.blocks.sum() == len(powers)
 
 
-def test_level_of_noise_follows_the_resolution():
+@pytest.mark.parametrize("ratio", [0.4, 1.0, 57 / 23])
+@pytest.mark.parametrize("name", ["hann", "flat-top", "rectangular"])
+def test_level_of_noise_follows_the_resolution(name, ratio):
     # amplitude of a bin of white noise: sqrt(2 * density * noise bandwidth * 2)
     track = constant_track(20.0, TIME[-1])
-    found = order_map(white((1, len(TIME)), seed=2), RATE, track, top=90.0)
-    bandwidth_hz = found.resolution * 20.0
+    noise = white((1, len(TIME)), seed=2)
+    found = order_map(noise, RATE, track, top=90.0 / ratio, shaft_order=ratio, window_name=name)
+    bandwidth_hz = found.resolution * ratio * 20.0
     expected = np.sqrt(2 * (2 / RATE) * bandwidth_hz)
     assert np.sqrt(np.mean(found.mean[0, 5:] ** 2)) == pytest.approx(expected, rel=0.02)
 

@@ -408,3 +408,20 @@ def test_a_rate_that_a_wav_header_tells_in_two_ways_is_asked_for(tmp_path):
     with pytest.raises(RecordingError, match=r"does not say its sampling rate"):
         read_recording(path)
     assert read_recording(path, 5000.0).sampling_rate_hz == 5000.0
+
+
+@pytest.mark.parametrize("block", [1, 150, 399, 400, 1000])
+def test_samples_are_the_same_in_blocks_of_any_length(tmp_path, monkeypatch, block):
+    """Of long files some are read at a time, from where the last ones ended."""
+    monkeypatch.setattr("gearmon.signals.reading.arrays._BLOCK", block)
+    wavfile.write(tmp_path / "a.wav", 8000, X.T)
+    whole = (1e4 * X[:1]).astype("<i4").view("u1").reshape(-1, 4)[:, :3].tobytes()
+    (tmp_path / "24.wav").write_bytes(wav(bits=24, body=whole))
+    np.save(tmp_path / "a.npy", X)
+    np.save(tmp_path / "turned.npy", np.asfortranarray(X.T))
+    np.savez(tmp_path / "a.npz", acc=X.T)
+    scipy.io.savemat(tmp_path / "a.mat", {"acc": X.T})
+    for path in sorted(tmp_path.iterdir()):
+        found = read_recording(path, 8000.0).samples
+        expected = (1e4 * X[:1]).astype(int) / 2**23 if path.stem == "24" else X
+        np.testing.assert_array_equal(found, expected, path.name)

@@ -392,3 +392,22 @@ def test_remarks_of_a_library_on_damage_stay_inside(tmp_path, capfd, lost_bytes)
     finally:
         reader.setLevel(before)
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("block", [1, 150, 399, 400, 1000])
+def test_samples_are_the_same_in_blocks_of_any_length(tmp_path, monkeypatch, block):
+    """Of long files some are read at a time, from where the last ones ended."""
+    names = ("soundfile", "h5py", "pyarrow", "pyarrow.parquet", "nptdms")
+    soundfile, h5py, pyarrow, parquet, nptdms = map(pytest.importorskip, names)
+    monkeypatch.setattr("gearmon.signals.reading.arrays._BLOCK", block)
+    known = np.rint(2**15 * X).clip(-(2**15), 2**15 - 1) / 2**15
+    soundfile.write(tmp_path / "a.flac", known.T, 8000, subtype="PCM_16")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("acc", data=known.T, chunks=(64, 2))
+    columns = {f"a{number}": row for number, row in enumerate(known)}
+    parquet.write_table(pyarrow.table(columns), tmp_path / "a.parquet", row_group_size=70)
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        channels = [nptdms.ChannelObject("g", name, row, {}) for name, row in columns.items()]
+        writer.write_segment(channels)
+    for path in sorted(tmp_path.iterdir()):
+        np.testing.assert_array_equal(read_recording(path, 8000.0).samples, known, path.name)

@@ -11,7 +11,7 @@ from reference.synthetic_signals import constant_track, lines_on, wandering_turn
 
 from gearmon.signals.orders import InAngle, fine_order_spectrum
 from gearmon.signals.tracking import MeshComb, MeshEvidence, SpeedScan, mesh_evidence
-from gearmon.signals.tracking.mesh_detection import _Lines, combined_comb, sideband_spacing
+from gearmon.signals.tracking.mesh_detection import _Lines, _rivals, combined_comb, sideband_spacing
 
 RATE, NOMINAL, DURATION = 4000.0, 25.0, 6.0
 TIME = np.arange(int(DURATION * RATE)) / RATE
@@ -282,3 +282,35 @@ def test_a_mesh_with_few_decoys_in_the_band_is_not_judged():
     assert found.decoys < 8
     assert (found.visible, found.clear, found.decoys_above) == (0, 0, found.decoys)
     assert not found.stands_out
+
+
+@pytest.mark.parametrize("averaged", [1, 4])
+def test_what_is_usual_is_told_by_the_noise_however_high_lines_stand_in_it(averaged):
+    """One bin in two hundred is a line's; it stands above what is usual by its own height."""
+    quality = np.random.default_rng(2).exponential(size=20_000)
+    lines, spectrum = quality.copy(), SimpleNamespace(step=0.01, width=0.02)
+    lines[::200] += 12.0
+    bare, full = (_Lines(own, spectrum, averaged) for own in (quality, lines))
+    assert full.usual == pytest.approx(bare.usual, rel=0.02)
+    assert np.all(full.at(spectrum.step * np.arange(200, 20_000, 200)) > bare.usual + 8.0)
+
+
+@pytest.mark.parametrize("spacing", [0.2, 1.0, 3.7])
+@pytest.mark.parametrize("beside", [0.0, 0.6, 2.4])
+def test_decoys_are_meshes_of_other_teeth_beyond_the_reach_of_sidebands(spacing, beside):
+    """Two to four teeth farther than the lines of one harmonic lie apart, to both sides."""
+    harmonics = 60.0 * spacing * np.arange(1, 4)
+    groups = tuple((x - beside, x, x + beside) if beside else (x,) for x in harmonics.tolist())
+    mesh = MeshComb(order=60.0 * spacing, groups=groups, spacings=(spacing,))
+    (own, _), *decoys = _rivals(mesh, (mesh,))
+    assert own == mesh
+    teeth = np.array([decoy.order - mesh.order for decoy, _ in decoys]) / spacing
+    np.testing.assert_allclose(teeth, np.rint(teeth), atol=1e-9)
+    np.testing.assert_allclose(np.sort(teeth), -np.sort(-teeth)[::-1])
+    away, reach = np.abs(teeth).min(), 2 * beside / spacing
+    assert reach + 2 <= away <= reach + 4
+    for decoy, _ in decoys:
+        for k, group in enumerate(decoy.groups, 1):
+            np.testing.assert_allclose(
+                np.array(group) - groups[k - 1], k * (decoy.order - mesh.order)
+            )

@@ -157,3 +157,16 @@ def test_many_repairs_in_a_long_train():
     found = repair(np.sort([*np.delete(whole, gone), *more]))
     assert len(found.time_s) == count
     np.testing.assert_allclose(found.time_s, whole, atol=1e-3)
+
+
+@pytest.mark.parametrize("per_turn", [2, 3, 5])
+@pytest.mark.parametrize("missing", [False, True])
+def test_of_less_than_three_turns_no_spacing_is_learned(per_turn, missing):
+    """Uneven pulses are kept as they came: nothing tells which of them belong there."""
+    gaps = np.tile(np.linspace(1.0, 1.8, per_turn), 3) / 50.0
+    times = 0.1 + np.cumsum(gaps)
+    for count in range(max(4, per_turn + 1), len(times) + 1):
+        came = np.delete(times[:count], [1] if missing and count > 4 else [])
+        found = repair(came, per_turn)
+        np.testing.assert_array_equal(found.time_s, came)
+        assert (found.missing, found.extra) == (0, 0)

@@ -150,6 +150,16 @@ def test_unwarping_sharpens_a_speed_that_is_slightly_wrong():
     assert error_of(better, turns).std() < 0.2 * error_of(first, turns).std()
 
 
+@pytest.mark.parametrize(("speed_hz", "block_turns"), [(6.0, 4.0), (15.0, 6.0), (40.0, 10.0)])
+def test_blocks_in_which_a_track_is_unwarped_last_two_fifths_of_a_second(speed_hz, block_turns):
+    """But four turns at the least, and no more than ten."""
+    turns = speed_hz / NOMINAL * ramp(0.02)
+    sums = OrderSums(vibration(turns), RATE, MESHES)
+    first = constant_track(speed_hz, TIME[-1])
+    usual, told = (unwarp(sums, first, COMB, turns=own) for own in (None, block_turns))
+    np.testing.assert_allclose(usual.turns_at(TIME[::100]), told.turns_at(TIME[::100]), atol=1e-9)
+
+
 def followed(samples):
     """Track by the path, the mesh lines and the comb, as a recording is tracked."""
     path = path_of(samples).track()

@@ -288,3 +288,29 @@ def test_of_lines_that_fade_again_and_again_only_long_stretches_are_lost():
     coherence[170:200] = 0.1
     assert _stretches(coherence, 0.5) == [(170, 200)]
     assert _stretches(np.zeros(200), 0.5) == [(0, 200)]
+
+
+@given(
+    at_s=st.floats(0.5, 11.0),
+    turns_lost=st.floats(0.5, 8.0),
+    swings=st.lists(st.tuples(st.floats(0.0, 0.25), st.floats(3.0, 20.0), st.floats(0.0, 6.3))),
+    slipped=st.none() | st.floats(-0.5, 0.5),
+)
+def test_an_angle_that_is_led_over_a_stretch_rises_and_is_as_it_was_elsewhere(
+    at_s, turns_lost, swings, slipped
+):
+    """However it swings beside the stretch, by less than distances of the knots or by more."""
+    steady = np.arange(0.0, 300.0, 0.06)
+    swinging = sum((a * np.sin(2 * np.pi * steady / b + c) for a, b, c in swings[:2]), 0.0)
+    turns = np.maximum.accumulate(steady + swinging) + 1e-6 * steady
+    track = AngleTrack(time_s=steady / SPEED, turns=turns, method="comb", uncertainty_turns=0.0)
+    end_s = at_s + turns_lost / SPEED
+    lost = LostStretch(start_s=at_s, end_s=end_s, turns=turns_lost, slipped_turns=slipped)
+    led = _led_over(track, lost)
+    if led is None:
+        return
+    before = np.linspace(0.0, at_s - 6.0 / SPEED, 50)
+    np.testing.assert_allclose(led.turns_at(before), track.turns_at(before), atol=1e-6)
+    behind = np.linspace(end_s + 6.0 / SPEED, 11.9, 50)
+    moved = led.turns_at(behind) - track.turns_at(behind)
+    np.testing.assert_allclose(moved, moved[0], atol=1e-6)

@@ -11,6 +11,7 @@ from reference.synthetic_signals import wandering_turns, white
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.signals.tracking import TachoPulses, find_pulses, track_from_pulses
 from gearmon.signals.tracking.tacho import (
+    is_even,
     learn_spacing,
     repair,
     track_from_pulse_times,
@@ -197,3 +198,14 @@ def test_track_needs_pulses_per_turn_above_zero():
     pulses = TachoPulses(time_s=np.arange(9.0), missing=0, extra=0)
     with pytest.raises(ArgumentError, match="pulses_per_turn"):
         track_from_pulses(pulses, 0, 1.0, 9.0)
+
+
+@pytest.mark.parametrize("per_turn", [6, 20])
+@pytest.mark.parametrize("turns", [1.5, 2.9, 6.0])
+@pytest.mark.parametrize("ramp", [-0.2, 0.0, 0.3])
+def test_pulses_are_even_or_not_whatever_the_turns_and_the_ramp(per_turn, turns, ramp):
+    """A quarter more of the gaps is uneven, a hundredth is not."""
+    number = np.arange(int(turns * per_turn) + 1)
+    for uneven, even in ((0.0, True), (0.01, True), (0.25, False)):
+        place = (number + uneven * (number % 2)) / number[-1]
+        assert is_even(place * (1 + 0.5 * ramp * (1 - place)), per_turn) == even
