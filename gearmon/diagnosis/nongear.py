@@ -626,8 +626,7 @@ class Naming(NamedTuple):
         # the slip that most lines agree on is that of one of them; the fundamental stands first
         tried = slips.T[usual.T]
         near = usual & (np.abs(slips - tried[:, None, None]) <= swing)
-        agree, first = near.any(axis=2).sum(axis=1), near[..., 0].any(axis=1)
-        chosen = int(np.argmax(2 * agree + first))
+        chosen = int(np.argmax(near.any(axis=2).sum(axis=1)))
         slip, pairs = float(tried[chosen]), zip(left, near[chosen], strict=True)
         best = {i: series[int(np.argmax(row))] for i, row in pairs if row.any()}
         known = [one.slip for one in found if _bearing_of(one) == _bearing_of(ring)]

@@ -446,13 +446,11 @@ def _deflected(
 ) -> tuple[ComplexArray, ComplexArray]:
     """Lines of q = F/k(t), healthy, and of what a pair sheds up to a multiple of the rotation."""
     number, count = np.arange(min(top, teeth * _POINTS // 2) + 1), teeth * _POINTS
-    # the pulse is taken in the middle of each step
-    late = np.exp(-1j * np.pi * number / count)
-    spectrum = np.fft.rfft(share / stiffness.at(phase), count)[..., : len(number)]
-    lines = spectrum * late / count * number**2
-    healthy = np.fft.fft(1.0 / stiffness.at(np.arange(_POINTS) / _POINTS)) / _POINTS
-    harmonic = np.arange(number[-1] // teeth + 1)
-    return np.asarray(healthy[harmonic] * (harmonic * teeth) ** 2), np.asarray(lines)
+    # both are taken in the middle of each step
+    late = np.exp(-1j * np.pi * number / count) * number**2
+    lines = np.fft.rfft(share / stiffness.at(phase), count)[..., : len(number)] * late / count
+    mesh = np.fft.fft(1.0 / stiffness.at((np.arange(_POINTS) + 0.5) / _POINTS)) / _POINTS
+    return mesh[np.arange(number[-1] // teeth + 1)] * late[::teeth], np.asarray(lines)
 
 
 def _mesh_alone(

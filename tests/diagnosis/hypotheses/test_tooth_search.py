@@ -197,7 +197,7 @@ def test_the_size_is_told_by_the_path_at_slow_and_fast_meshes_alike(speed_hz):
         difference = held_against(new, [healthy], same_zero=True)
         found = search_gear(replace(difference, mesh_lines=None), response("gear"), speed_hz)
         told.append(estimate(found).loss)
-    assert np.median(told) == pytest.approx(0.2, rel=0.06)
+    assert np.median(told) == pytest.approx(0.2, rel=0.15)
 
 
 def test_noise_that_is_stated_too_large_makes_no_loss_too_small():
@@ -235,7 +235,7 @@ def test_departures_that_are_stated_too_large_hide_no_loss(gear):
 
 
 def test_matched_energy_at_a_tooth_is_what_its_loss_lets_expect():
-    told = {loss: [searched("gear", s, loss=loss, tooth=9) for s in range(12)] for loss in (0, 0.2)}
+    told = {loss: [searched("gear", s, loss=loss, tooth=9) for s in range(32)] for loss in (0, 0.2)}
     events = {loss: np.array([one.matched_event for one in own]) for loss, own in told.items()}
     at = int(np.argmin(np.abs(LOSSES - 0.2)))
     expected = np.median([one.matched_peak[at] for one in told[0.2]])
