@@ -398,8 +398,8 @@ def _beside_noise(power: FloatArray, energy: FloatArray, noise: FloatArray) -> F
 def _unsure_path(mesh_hz: float) -> FloatArray:
     """Chances of one loss passing for another by the path's power, which mesh harmonics tell.
 
-    They tell it the better the nearer they stand: powers of a reverberant path half a mesh order
-    apart correlate by 1 / (1 + (pi f tau)^2).
+    They tell it the better the nearer they stand: powers of a reverberant path that decays within
+    tau, half of a mesh frequency f apart, correlate by 1 / (1 + (pi f tau)^2) (Schroeder 1962).
     """
     apart = 1.0 - 1.0 / (1.0 + (np.pi * mesh_hz * DECAY_S[1]) ** 2)
     steps = np.log(LOSSES)[:, None] - np.log(LOSSES)
