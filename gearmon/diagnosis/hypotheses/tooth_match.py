@@ -39,7 +39,7 @@ _LEAST_LOSS, _LARGEST_LOSS = 0.01, 0.7
 # in `path_power`, leave 0.39 (0.64 each); the expected harmonics less than that beside it. Of 30 %
 # of one tooth of a final drive whose mesh harmonics stand 47 Hz apart (three drawn machines, one
 # and three references) sun, planet and ring are told 0.97, 0.94 and 0.87 of it, with the deviation
-# of far lines 0.89, 0.89 and 0.80.
+# of far lines 0.89, 0.89 and 0.80 on five.
 _PATH_DEVIATION, _TOLD_DEVIATION = 0.39, 0.22
 # Points a mesh period at which the decaying impulse response is taken, how far, and at most.
 _POINTS, _REACH, _MOST_POINTS = 2.0, 3.0, 40
@@ -127,7 +127,7 @@ class SearchedGear:
             roots = (unit * ringing(number * rotation_hz, delay) for delay in self.delays)
             each = [_log_likelihood(turned, number, root, size, around, noise) for root in roots]
             told, mean, energy = zip(*each, strict=True)
-            total += _blurred(log_mean(np.array(told)), unsure).sum(axis=0)
+            total += _with_unsure_path(log_mean(np.array(told)), unsure).sum(axis=0)
             expected += np.mean(mean, axis=0)
             self.matched += np.mean(energy, axis=0)
         self.log_likelihood, self.log_place = total[0], _any_loss(total[1])
@@ -408,7 +408,7 @@ def _unsure_path(mesh_hz: float) -> FloatArray:
     return np.asarray(unsure / unsure.sum(axis=1)[:, None])
 
 
-def _blurred(log_likelihood: FloatArray, unsure: FloatArray) -> FloatArray:
+def _with_unsure_path(log_likelihood: FloatArray, unsure: FloatArray) -> FloatArray:
     """Average over the path's power in a band."""
     largest = log_likelihood.max(axis=-2, keepdims=True)
     share = np.exp(np.maximum(log_likelihood - largest, _FAR_BELOW))
